@@ -10,6 +10,7 @@ from pyburgers.common.atomic_files import write_text
 from pyburgers.common.csv_tables import csv_text
 from pyburgers.common.paths import shown
 from pyburgers.fitting.campaign import (
+    Campaign,
     load_campaign,
     run_campaign,
     shown_status_table,
@@ -55,14 +56,25 @@ def run(options: argparse.Namespace) -> int:
         out.mkdir(parents=True, exist_ok=True)
         write_text(out / "status.csv", csv_text(table, index=True))
         print(shown(f"table: {out / 'status.csv'}"))
-    if options.part is None and (table["status"] == COMPLETE).any():
-        fits, section = shown_fits(campaign, out)
-        title = f"Campaign {campaign.id}"
-        page = page_about(
-            fits, out / "report", title=title, command=command, first=(section,), jobs=None
-        )
-        print(shown(f"The page is {page}"))
+    if options.part is None:
+        _write_page(campaign, out, command)
     if failed:
         return EXIT_NOT_DONE
     done = table[table["status"] == COMPLETE]
     return exit_code(bool((done["sampled_well"] == "yes").all()))
+
+
+def _write_page(campaign: Campaign, out: Path, command: str) -> None:
+    """Write the page about complete fits; if there is none, give an earlier page another name."""
+    old = out / "report" / "index.html"
+    if (found := shown_fits(campaign, out)) is not None:
+        fits, section = found
+        title = f"Campaign {campaign.id}"
+        page = page_about(
+            fits, old.parent, title=title, command=command, first=(section,), jobs=None
+        )
+        print(shown(f"The page is {page}"))
+    elif old.is_file():
+        with writing(out):
+            outdated = old.replace(old.with_name("outdated.html"))
+        print(shown(f"No fit is complete now: the earlier page is {outdated}"))

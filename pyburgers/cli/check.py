@@ -7,7 +7,7 @@ from pathlib import Path
 from pyburgers.cli.terminal import print_checks, print_lines
 from pyburgers.comparison.conclusions import what_a_yes_leaves_open
 from pyburgers.fitting.fit import Fit
-from pyburgers.fitting.sampled_fit import renew_tables
+from pyburgers.fitting.sampled_fit import DIFFERENT, MISSING, renew_tables
 from pyburgers.flow_law_tables.fit import fit_of_run
 
 logger = logging.getLogger(__name__)
@@ -27,16 +27,13 @@ def run(options: argparse.Namespace) -> int:
     """Run the command; return its exit code."""
     fit = fit_of_run(options.directory)
     try:
-        if renewed := renew_tables(fit):
-            logger.info(
-                f"{fit.directory.path}: {' and '.join(renewed)} differed from what the installed "
-                "versions compute from the draws; the command has written "
-                f"{'it' if len(renewed) == 1 else 'them'} again."
-            )
+        for name, why in renew_tables(fit).items():
+            logger.info(f"{fit.directory.path}: {name} {why}; the command has written it again.")
     except OSError as error:
+        is_there = Path(error.filename).is_file()
         logger.info(
-            f"{error.filename}: {error.strerror}; the file stays as it is, which differs from what "
-            "the installed versions compute from the draws."
+            f"{error.filename}: {error.strerror}; the file "
+            f"{f'stays as it is, which {DIFFERENT}' if is_there else MISSING}."
         )
     print_lines(fit.origins)
     code = print_checks(fit.checks(), fit.prior_conflicts(), fit.prior_decisions())

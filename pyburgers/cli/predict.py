@@ -258,19 +258,23 @@ def _predict(fit: Fit, options: argparse.Namespace, out: Path) -> None:
             regimes,
             hold_time=hold_time,
         )
-    table = quantile_table(spectrum)
     measured = None if options.measured is None else load_measured_attenuation(options.measured)
     figure = attenuation(spectrum, spectrum.attrs["title"], comparison, measured)
     files = [out.with_suffix(suffix) for suffix in (".csv", ".nc", ".png", ".svg")]
+    spectra, tables = {out: spectrum}, {out: quantile_table(spectrum)}
+    if comparison is not None:
+        evolved = out.with_name(f"{out.stem}_evolving.csv")
+        spectra[evolved] = comparison.assign_attrs(which_draws=fit.which_draws)
+        tables[evolved] = evolving_table(comparison)
+        files += [evolved, evolved.with_suffix(".nc")]
     with writing(out):
-        write_text(out, csv_text(table))
-        save_spectrum(spectrum, out.with_suffix(".nc"))
+        out.parent.mkdir(parents=True, exist_ok=True)
+        # Draws first: where the disk is full, an older set stays whole.
+        for file, one in spectra.items():
+            save_spectrum(one, file.with_suffix(".nc"))
+        for file, rows in tables.items():
+            write_text(file, csv_text(rows))
         write_images(figure, out)
-        if comparison is not None:
-            evolved = out.with_name(f"{out.stem}_evolving.csv")
-            write_text(evolved, csv_text(evolving_table(comparison)))
-            save_spectrum(comparison, evolved.with_suffix(".nc"))
-            files += [evolved, evolved.with_suffix(".nc")]
     print(f"{spectrum.attrs['title']}: tan(delta), median and 90 % of the draws")
     if spectrum.attrs["cautions"]:
         print(spectrum.attrs["cautions"])
@@ -354,8 +358,10 @@ def _write_prediction(prediction: Prediction, scores: pd.DataFrame | None, out: 
         tables[out.with_name(f"{out.stem}_readings.csv")] = reading_table(prediction)
         tables[out.with_name(f"{out.stem}_scores.csv")] = scores.reset_index()
     with writing(out):
+        out.parent.mkdir(parents=True, exist_ok=True)
+        # Draws first: where the disk is full, an older set stays whole.
+        write_netcdf(out.with_suffix(".nc"), prediction.posterior)
         for file, table in tables.items():
             write_text(file, csv_text(table))
-        write_netcdf(out.with_suffix(".nc"), prediction.posterior)
         write_images(prediction_figure(prediction), out)
     return [*files, *(file for file in tables if file != out)]

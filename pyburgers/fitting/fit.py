@@ -47,7 +47,7 @@ from pyburgers.posterior.groups import load_posterior
 from pyburgers.posterior.labelled_draws import draws_table, groups_of_tests, own_name, summary_table
 from pyburgers.sampling.manifest import FitManifest
 from pyburgers.sampling.options import SOME_OPTIONS, SamplerOptions
-from pyburgers.sampling.run import require_extendable
+from pyburgers.sampling.run import draws_to_add
 from pyburgers.sampling.run_directory import RunDirectory
 
 logger = logging.getLogger(__name__)
@@ -248,9 +248,8 @@ class Fit(SampledFit):
         >>> prediction = fit.predict(test)
         >>> score = pyburgers.score_table(prediction)
         """
-        source = Source(
-            self.problem, self.tests(), self.posterior, self.fitted_conditions, self.cautions
-        )
+        about = (self.fitted_conditions, self.cautions, self.which_draws)
+        source = Source(self.problem, self.tests(), self.posterior, *about)
         return predict_test(source, experiment, draws, separate_from, seed, new_sample=new_sample)
 
     def prior_groups(self, draws: int, seed: int) -> dict[str, xr.Dataset]:
@@ -472,7 +471,7 @@ def fit_problem(
     """
     run = RunDirectory(given_path(out))
     if more_draws is not None:
-        require_extendable(run, more_draws, overwrite=overwrite)
+        more_draws, command = draws_to_add(run, more_draws, overwrite=overwrite)
 
     settings = options or SamplerOptions()
     require_type("options", settings, SamplerOptions, SOME_OPTIONS)

@@ -46,6 +46,7 @@ class Source:
     `posterior`: labelled draws of all tests together.
     `conditions`: those that each fitted test passed.
     `cautions`: what is wrong with the fit: sentences.
+    `which_draws`: how many there are, and of which chains: a sentence.
     """
 
     problem: Problem
@@ -53,6 +54,7 @@ class Source:
     posterior: xr.DataTree
     conditions: Sequence[Ranges]
     cautions: tuple[str, ...]
+    which_draws: str = ""
 
 
 def draw_values(

@@ -290,6 +290,7 @@ def predict_test(
         "title": prediction.title,
         "experiment": experiment.id,
         "fitted_to": prediction.fitted_to,
+        "which_draws": source.which_draws,
         "cautions": "\n".join(prediction.cautions),
         "notes": "\n".join(prediction.notes),
         "clock": likelihood.clock.name,

@@ -108,7 +108,7 @@ def run_chains(
         if not run.stan_data_file.is_file():
             chart = choose_chart(problem, density, wanted=settled.coordinates, seed=settled.seed)
             _write_chart(run, density.with_data(chart.block), chart, seed=settled.seed)
-        settled, command = as_recorded(run, settled, command, more_draws)
+        settled, made_by = as_recorded(run, settled, command, more_draws)
         known, data = run.read_manifest(), run.read_stan_data()
         run.update_manifest(
             {
@@ -118,7 +118,7 @@ def run_chains(
                     name=problem.name,
                     data_kind=problem.data_kind,
                     identity=identity,
-                    command=command,
+                    made_by=made_by,
                 ),
                 "refits": known.get("refits", []),
                 "shortened": shortened(known),
@@ -233,16 +233,33 @@ def recorded_problem(run: RunDirectory, record: Mapping[str, Any]) -> Problem:
 
 
 def write_inputs(run: RunDirectory, texts: Mapping[str, str]) -> None:
-    """Save `input_texts`, those of a test once."""
+    """Save `input_texts`; tell which files of tests differ from the copies that they replace."""
     for name, text in texts.items():
         file = run.path / name
-        if file == run.priors_file or not (file.parent / "experiment.toml").is_file():
-            file.parent.mkdir(parents=True, exist_ok=True)
-            # A killed process leaves nothing unfinished beside the copies.
-            scratch = run.new_scratch()
-            write_text(scratch / file.name, text)
-            (scratch / file.name).replace(file)
-            scratch.rmdir()
+        before = file.read_text(encoding="utf-8") if file.is_file() else None
+        if text == before:
+            continue
+        if before is not None and file != run.priors_file:
+            logger.info(
+                f"The run has another copy of {_different_file(file, text)}: it is renewed."
+            )
+        file.parent.mkdir(parents=True, exist_ok=True)
+        # A killed process leaves nothing unfinished beside the copies.
+        scratch = run.new_scratch()
+        write_text(scratch / file.name, text)
+        (scratch / file.name).replace(file)
+        scratch.rmdir()
+    for stale in {*run.inputs.glob("tests/*/experiment*")} - {run.path / name for name in texts}:
+        stale.unlink()
+
+
+def _different_file(file: Path, text: str) -> str:
+    """Name a file of a test of which a run has another copy, with the keys that differ."""
+    if file.suffix != ".toml":
+        return f"readings of test {file.parent.name}"
+    old, new = read_tables(file) if file.is_file() else {}, tomllib.loads(text)
+    keys = [key for key in {**old, **new} if old.get(key) != new.get(key)]
+    return f"the file of test {file.parent.name} ({', '.join(keys) or 'its layout'})"
 
 
 def refusal(
@@ -263,12 +280,13 @@ def refusal(
         found = list(_differences(run, manifest, wanted, inputs, free))
     except (InputError, OSError):  # damaged, or of another kind
         found = ["it is no finished fit of tests"]
-    if not found:
-        found = ["Stan programs, CmdStan or the compiler are others now"]
+    found = found or ["Stan programs, CmdStan or the compiler are others now"]
     more = [f"and {len(found) - MAX_TOLD} more"] if len(found) > MAX_TOLD else []
     longer = ""
     if (remedy or more_draws) is None and len(found) == 1 and re.match(r"draws \d", found[0]):
-        longer = ", or --more-draws N to add draws to its chains"
+        there = [manifest["sampler"]["draws"], *manifest.get("more_draws", [])]
+        if (lacking := wanted["sampler"]["draws"] - sum(there)) > 0:
+            longer = f", or --more-draws {lacking} to add draws to its chains"
     return (
         f"{run.path}: holds a run of other inputs: {'; '.join([*found[:MAX_TOLD], *more])}; "
         f"{remedy or way_out(run, more_draws)}{longer}."
@@ -316,8 +334,7 @@ def _other_files(run: RunDirectory, inputs: Mapping[str, str]) -> Iterator[str]:
     for name, text in sorted(tests):
         file = run.path / name
         if not file.is_file() or file.read_text(encoding="utf-8") != text:
-            what = "the file" if file.suffix == ".toml" else "readings"
-            yield f"{what} of test {file.parent.name}"
+            yield _different_file(file, text)
     now, before = tomllib.loads(priors), read_tables(run.priors_file)
     ours, theirs = (
         {name: {**prior, "source": "", "read_off": []} for name, prior in one["parameters"].items()}

@@ -51,6 +51,9 @@ _Units = Literal["display", "SI"]
 A_FIT = "a fit, as of pyburgers.fit or pyburgers.Fit.load"
 """Words for an argument."""
 
+SHOWN_DIGITS = 12
+"""Digits of a hash in what is made of a fit."""
+
 PRIOR_ALONE = "prior alone"
 ORIGINS: Mapping[str, str] = MappingProxyType(
     {
@@ -330,6 +333,24 @@ class SampledFit(ABC):
         return tuple(sentence for kind, sentence in ORIGINS.items() if kind in self.draws_of)
 
     @property
+    def first_chain(self) -> str:
+        """Beginning of the hash of the first chain's draws, as the manifest notes it.
+
+        That of ``posterior.nc`` changes whenever the draws are gathered again.
+        """
+        records = [*self.manifest.get("chains", {}).values()]
+        return str(records[0]["sha256"])[:SHOWN_DIGITS] if records else "unknown"
+
+    @property
+    def which_draws(self) -> str:
+        """Sentence for what is made of the draws: how many there are, and of which chains."""
+        sizes = self.posterior["posterior"].sizes
+        return (
+            f"Draws of the fit: {sizes['chain'] * sizes['draw']}; SHA-256 of its first chain: "
+            f"{self.first_chain}."
+        )
+
+    @property
     def cautions(self) -> tuple[str, ...]:
         """A sentence if the data are synthetic or took no part, and for each verdict but a yes."""
         found = self.verdicts().values()
@@ -393,19 +414,23 @@ def write_tables(result: SampledFit) -> None:
         run.update_manifest({"status": COMPLETE})
 
 
-def renew_tables(result: SampledFit) -> list[str]:
-    """Write the tables of a run again where the files hold others, and return their names.
+DIFFERENT, MISSING = "differs from what the installed versions compute", "is missing"
+"""Why a table is written again."""
+
+
+def renew_tables(result: SampledFit) -> dict[str, str]:
+    """Write the tables of a run again where the files hold others; return names, and why.
 
     No hash is noted of them: they follow from the draws, and nothing reads them but people. What a
     run that is not complete has not written yet is left to it.
     """
     complete = result.manifest["status"] == COMPLETE
-    renewed = []
+    renewed = {}
     for file, text in _tables(result).items():
         there = file.is_file()
         if (there and file.read_bytes() != text.encode()) or (complete and not there):
             write_text(file, text)
-            renewed.append(file.name)
+            renewed[file.name] = DIFFERENT if there else MISSING
     return renewed
 
 

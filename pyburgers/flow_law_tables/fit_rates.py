@@ -38,8 +38,8 @@ from pyburgers.sampling.options import SOME_OPTIONS, SamplerOptions
 from pyburgers.sampling.run import (
     as_recorded,
     complete_chains,
+    draws_to_add,
     fingerprint,
-    require_extendable,
     run_record,
     way_out,
 )
@@ -105,7 +105,7 @@ def fit_rates(
     """
     run = RunDirectory(given_path(out))
     if more_draws is not None:
-        require_extendable(run, more_draws, overwrite=overwrite)
+        more_draws, command = draws_to_add(run, more_draws, overwrite=overwrite)
     tables = one_or_several("tables", tables, RateTable, "a table, as of pyburgers.load_rate_table")
     require_type("held_out", held_out, (list, tuple, set, frozenset), "a list of sources")
     a_law = "a law, as of pyburgers.rate_law('ice_composite')"
@@ -171,7 +171,7 @@ def fit_rates(
                     name=data.id,
                     data_kind=data.provenance.kind,
                     identity=identity,
-                    command=made_by,
+                    made_by=made_by,
                 )
             )
             complete_chains(

@@ -24,8 +24,11 @@ from pyburgers.sampling.manifest import COMPLETE
 logger = logging.getLogger(__name__)
 
 
-def shown_fits(campaign: Campaign, out: Path) -> tuple[list[Fit], PageSection]:
-    """Return complete fits of a campaign, the first seed of each model, and the part about all."""
+def shown_fits(campaign: Campaign, out: Path) -> tuple[list[Fit], PageSection] | None:
+    """Return complete fits of a campaign, the first seed of each model, and the part about all.
+
+    None if no fit is complete.
+    """
     table = status_table(campaign, out)
     complete: dict[Combination, Fit] = {}
     for one in campaign.tasks:
@@ -36,7 +39,7 @@ def shown_fits(campaign: Campaign, out: Path) -> tuple[list[Fit], PageSection]:
                 logger.info(f"{one.name} is not on the page: {error}")
                 table.loc[one.name, "status"] = DAMAGED
     if not complete:
-        raise InputError(f"{out}: no fit of the campaign is complete, so there is no page yet.")
+        return None
     first, rows = [], []
     for (test, variant, priors), group in groupby(
         complete, key=lambda one: (one.test, one.variant, one.priors)

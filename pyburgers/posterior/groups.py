@@ -172,6 +172,8 @@ def keep_posterior(
 def load_posterior(run: RunDirectory, manifest: Mapping[str, Any]) -> xr.DataTree | None:
     """Return labelled draws of a run, or None if they are not complete or lack finished draws.
 
+    None too if they name another kind of data than `manifest`, as after a correction of the file.
+
     Raises `InputError` if the bytes that are read have another hash than `manifest` notes.
     """
     noted = manifest.get("posterior_sha256")
@@ -185,5 +187,7 @@ def load_posterior(run: RunDirectory, manifest: Mapping[str, Any]) -> xr.DataTre
     if json.loads(tree.attrs["chains"]) != list(run.finished_chains()):
         return None
     if tree.attrs.get("extensions") != run.n_extensions():
+        return None
+    if tree.attrs.get("data_kind") != manifest.get("data_kind"):
         return None
     return tree

@@ -299,7 +299,7 @@ def predict_attenuation(
         *longer_than_tests(asked, (fit.whole or fit).problem.experiments),
         *([] if fit.experiment.poisson_ratio_in_shear is None else [AXIAL]),
     )
-    return spectrum.assign_attrs(cautions="\n".join(cautions))
+    return spectrum.assign_attrs(cautions="\n".join(cautions), which_draws=fit.which_draws)
 
 
 def material_spectrum(

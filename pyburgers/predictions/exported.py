@@ -74,9 +74,10 @@ class Exported:
     """Mean (n,) and covariance (n, n) of the parameters of a material, in SI units.
 
     Names hold parameters, sampled ones and fixed ones, `LOG_FACTOR`, and logarithms in the place
-    of the rates of mechanisms; a fixed one has no covariance and is decided by "fixed". Notes are
-    conflicts, numbers that the data alone do not decide, and those that need draws. Laws are those
-    that were fitted (`laws_of`). Draws have shape (n, n_draws).
+    of the rates of mechanisms; a fixed one has no covariance and is decided by "fixed". Notes tell
+    which draws these are, conflicts, numbers that the data alone do not decide, and those that need
+    draws. Laws are those that were fitted (`laws_of`). Draws have shape (n, n_draws); `first_chain`
+    is the beginning of a hash.
     """
 
     test: str
@@ -95,6 +96,7 @@ class Exported:
     by_prior_of: tuple[str, ...]
     notes: tuple[str, ...]
     laws: Mapping[str, object]
+    first_chain: str = ""
     draws: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
 
     @property
@@ -173,6 +175,7 @@ def exported(fit: Fit | RateFit) -> Exported:
             for known, one in zip(fixed, decided, strict=True)
         ),
         notes=(
+            fit.which_draws,
             *notes,
             *fit.origins,
             *fit.prior_conflicts(),
@@ -180,6 +183,7 @@ def exported(fit: Fit | RateFit) -> Exported:
             *wide_notes([*columns], mean, covariance),
         ),
         laws=laws,
+        first_chain=fit.first_chain,
         draws=values,
     )
 
@@ -270,6 +274,8 @@ def as_csv(one: Exported) -> str:
             "decided_by": one.decided_by,
             "by_prior_of": one.by_prior_of,
             "draws_of": one.draws_of,
+            "draws": one.n_draws,
+            "first_chain_sha256": one.first_chain,
         }
     )
     covariance = pd.DataFrame(one.covariance, columns=[f"cov_{name}" for name in one.names])

@@ -35,6 +35,10 @@ DECISIVE_DIGITS = 6
 """Significant digits with which data tell one problem from another, see `decisive`."""
 
 
+INTERRUPTED = frozenset({"sampling", "interrupted", "sampled"})
+"""Status of runs that were stopped before they were complete, for no fault of a chain."""
+
+
 def decisive(content: Any) -> Any:
     """Return data without the digits in which processors differ, to tell one problem from another.
 
@@ -119,10 +123,12 @@ def _error_of(failures: Sequence[ChainFailure], what: str) -> PyburgersError:
     return kind(f"{what}: {failures[0].reason}")
 
 
-def require_extendable(run: RunDirectory, more_draws: int, *, overwrite: bool) -> None:
-    """Raise `InputError`, before anything is done, if so many draws cannot be added to a run.
+def draws_to_add(run: RunDirectory, more_draws: int, *, overwrite: bool) -> tuple[int | None, str]:
+    """Return how many draws are to be added to a run, and its command, which makes its first draws.
 
-    The number may be out of range, there may be no run, or it may be removed.
+    None are added if the same number was asked for before and that command was interrupted. Raises
+    `InputError`, before anything is done, if the number is out of range, there is no run, or it may
+    be removed.
     """
     require_type("more_draws", more_draws, Integral, "a whole number")
     option = f"--more-draws {more_draws}"
@@ -133,11 +139,20 @@ def require_extendable(run: RunDirectory, more_draws: int, *, overwrite: bool) -
             f"{option}: found it beside --overwrite, expected one of them: draws are added to a "
             "run that stays."
         )
-    if not run.manifest_file.is_file():
+    known = run.read_manifest() if run.manifest_file.is_file() else {}
+    if "command" not in known:
         raise InputError(
             f"{option}: found no run in {run.path}, expected one to add draws to; run the same "
             "command without it first."
         )
+    asked, command = known.get("more_draws", []), str(known["command"])
+    if known.get("status") in INTERRUPTED and asked[-1:] == [more_draws]:
+        logger.info(
+            f"Adding {counted(more_draws, 'draw')} was asked for before and interrupted: the "
+            "command completes that, and adds no others."
+        )
+        return None, command
+    return more_draws, command
 
 
 def way_out(run: RunDirectory, more_draws: int | None) -> str:
@@ -169,22 +184,28 @@ def _asked(run: RunDirectory, more_draws: int | None) -> list[int]:
 
 def as_recorded(
     run: RunDirectory, options: SamplerOptions, command: str, more_draws: int | None
-) -> tuple[SamplerOptions, str]:
-    """Return options and command that make the draws of a claimed run, for its record.
+) -> tuple[SamplerOptions, dict[str, Any]]:
+    """Return options that make the draws of a claimed run, and `made_by` of `run_record`.
 
     If the run has more chains, finished or put aside, than are asked for, it keeps their number and
-    its command. It also keeps its command if nothing is to be sampled.
+    its command. If nothing is to be sampled, it keeps its command and versions.
     """
     known, finished = run.read_manifest(), run.finished_chains()
+    made_by = made_now_by(command)
     if "command" not in known:
-        return options, command
+        return options, made_by
     aside = [int(one.name.split("_")[1]) for one in run.path.glob("superseded/*/chain_*")]
-    is_done = more_draws is None and {*range(1, options.chains + 1)} <= {*finished}
-    if max([*finished, *aside], default=0) > options.chains:
+    keeps_more = max([*finished, *aside], default=0) > options.chains
+    if keeps_more:
         chains = max(known["sampler"]["chains"], *finished, *aside)
         logger.info(f"The run keeps its {chains} chains, although chains is {options.chains}.")
-        options, is_done = replace(options, chains=chains), more_draws is None
-    return options, known["command"] if is_done else command
+        options = replace(options, chains=chains)
+    has_chains = {*range(1, options.chains + 1)} <= {*finished}
+    if more_draws is None and (keeps_more or has_chains):
+        made_by["command"] = known["command"]
+    if more_draws is None and has_chains and run.n_extensions() == len(known.get("more_draws", [])):
+        made_by["versions"] = known["versions"]
+    return options, made_by
 
 
 def run_record(
@@ -194,12 +215,12 @@ def run_record(
     name: str,
     data_kind: str,
     identity: str,
-    command: str,
+    made_by: Mapping[str, Any],
 ) -> dict[str, Any]:
     """Note in one record what will run: what is asked for, command, versions, hashes of the inputs.
 
     The directory has inputs and Stan data; `name` and `data_kind` are those of experiment or table,
-    `identity` is the `fingerprint`, `command` regenerates the run.
+    `identity` is the `fingerprint`, `made_by` has the command and versions that make the draws.
     """
     read_by_chains = [file for file in (run.stan_data_file, run.metric_file) if file.is_file()]
     return {
@@ -207,22 +228,23 @@ def run_record(
         "fingerprint": identity,
         "experiment": name,
         "data_kind": data_kind,
-        **origin_record(run, command, [*files_in(run.inputs), *read_by_chains]),
+        **origin_record(run, made_by, [*files_in(run.inputs), *read_by_chains]),
         "failures": [],
     }
 
 
-def origin_record(run: RunDirectory, command: str, inputs: Sequence[Path]) -> dict[str, Any]:
+def origin_record(
+    run: RunDirectory, made_by: Mapping[str, Any], inputs: Sequence[Path]
+) -> dict[str, Any]:
     """Note what regenerates a folder: command, versions, hashes of the inputs; and that it runs.
 
     If the folder holds a part of the same already, it was begun when that says.
     """
     known = run.read_manifest() if run.manifest_file.is_file() else {}
     return {
-        "command": command,
+        **made_by,
         "started": known.get("started", datetime.now(UTC).isoformat(timespec="seconds")),
         "status": "sampling",
-        "versions": software_versions(),
         "hashes": run.hashes(inputs),
     }
 
@@ -230,6 +252,11 @@ def origin_record(run: RunDirectory, command: str, inputs: Sequence[Path]) -> di
 def files_in(folder: Path) -> list[Path]:
     """Return all files below a folder, in order."""
     return sorted(file for file in folder.rglob("*") if file.is_file())
+
+
+def made_now_by(command: str) -> dict[str, Any]:
+    """Return command and versions of what is made now, for manifests."""
+    return {"command": command, "versions": software_versions()}
 
 
 def software_versions() -> dict[str, str | None]:

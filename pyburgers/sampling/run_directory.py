@@ -36,21 +36,22 @@ PATIENCE = 120.0
 FOLDERS = ("inputs", "initial_values", "chains")
 """Folders of the run directory of a fit."""
 
+RESULTS = (
+    *("posterior.nc", "summary.csv", "checks.json"),
+    *("flow_law_prior.json", "flow_law.png", "flow_law.svg"),
+)
+"""What is made of the draws of a fit."""
+
 WRITTEN = frozenset(
-    {
-        *FOLDERS,
-        *("failures", "leave_out", "superseded", ".scratch"),
-        *("stan_data.json", "metric.json", "checks.json"),
-        *("posterior.nc", "summary.csv"),
-        *("flow_law_prior.json", "flow_law.png", "flow_law.svg"),
-    }
+    {*FOLDERS, *RESULTS, "failures", "leave_out", "superseded", ".scratch"}
+    | {"stan_data.json", "metric.json"}
 )
 """What a fit writes into its run directory beside its manifest."""
 
 REMEDY = (
     "put back what the run wrote, or remove the directory and run the command in its manifest "
-    "again (without posterior.nc it is gathered again, without a folder in chains/ that chain is "
-    "run again)"
+    "again, then with --more-draws for each number of its list more_draws (without posterior.nc "
+    "it is gathered again, without a folder in chains/ that chain is run again)"
 )
 """What to do about a file that is not as the run wrote it."""
 
@@ -160,10 +161,11 @@ class RunDirectory:
     def require_a_chain(self) -> None:
         """Raise `InputError` if no chain is complete, so that there are no draws to read."""
         if not self.finished_chains():
-            status = self.read_manifest().get("status")
+            known = self.read_manifest()
+            which = "command in its manifest" if "command" in known else "same command"
             raise InputError(
-                f"{self.path}: no chain is finished yet (status {status!r}); run the command in "
-                "its manifest again to complete it."
+                f"{self.path}: no chain is finished yet (status {known.get('status')!r}); run the "
+                f"{which} again to complete it."
             )
 
     def read_manifest(self, structure: type[TableT] | None = None) -> dict[str, Any]:
@@ -222,8 +224,7 @@ class RunDirectory:
 
     def chain_records(self) -> dict[str, dict[str, Any]]:
         """Return `chain_record` of every finished chain, by its identifier as text."""
-        extension = self.n_extensions()
-        chains = self.finished_chains()
+        extension, chains = self.n_extensions(), self.finished_chains()
         return {str(one): self.chain_record(one, extension).model_dump() for one in chains}
 
     def require_unchanged(self) -> None:
@@ -269,8 +270,7 @@ class RunDirectory:
         for chain in self.finished_chains():
             for extension in range(self.n_extensions() + 1):
                 wrong += self._faults_of_chain(chain, extension, recorded, hash_of)
-        made_again = (self.posterior_file, self.summary_file, self.checks_file)
-        wrong += [f"{file.name} has become a folder" for file in made_again if file.is_dir()]
+        wrong += [f"{name} has become a folder" for name in RESULTS if (self.path / name).is_dir()]
         if wrong:
             raise InputError(
                 f"{self.path}: {', '.join(wrong)} since the run, whose hashes say so; {REMEDY}."
@@ -333,8 +333,7 @@ class RunDirectory:
                     )
             elif self.path.is_dir():
                 # A run that was killed before its first file may have left these.
-                ours = {".lock", ".scratch"}
-                names = {entry.name for entry in self.path.iterdir()} - ours
+                names = {entry.name for entry in self.path.iterdir()} - {".lock", ".scratch"}
                 if strangers := [name for name in names if not is_unfinished(name)]:
                     raise InputError(
                         f"{self.path}: has files ({min(strangers)}) but no manifest.json; "
@@ -421,10 +420,8 @@ class RunDirectory:
         shutil.rmtree(aside, ignore_errors=True)
         aside.mkdir(parents=True)
         for chain in chains:
-            folder = self.extended_folder(chain, 0)
-            folder.rename(aside / folder.name)
-        for file in (self.posterior_file, self.checks_file, self.summary_file):
-            file.unlink(missing_ok=True)
+            self.chain_folder(chain).rename(aside / self.chain_folder(chain).name)
+        self._remove_results()
         return aside.relative_to(self.path).as_posix()
 
     def keep_chain(
@@ -436,8 +433,16 @@ class RunDirectory:
         write_json(finished / "timing.json", record.model_dump())
         for file in finished.iterdir():
             flush_to_disk(file)
+        before = self.draws_files()
         finished.rename(self.extended_folder(chain, extension))
         flush_to_disk(self.path / "chains")
+        if self.draws_files() != before:
+            self._remove_results()
+
+    def _remove_results(self) -> None:
+        """Remove what was made of draws that are no longer those of the run."""
+        for name in RESULTS:
+            (self.path / name).unlink(missing_ok=True)
 
 
 def _hash_of_file(file: Path, hash_of: Callable[[Path], str]) -> str | None:

@@ -38,7 +38,7 @@ from pyburgers.kinds.together import pooling_for
 from pyburgers.model.priors import PriorSet, note_other_material
 from pyburgers.sampling.manifest import COMPLETE, PoolingRecord, RecordedHashes, SamplerRecord
 from pyburgers.sampling.options import INDECISIVE, recorded_options
-from pyburgers.sampling.run import decisive, files_in, origin_record
+from pyburgers.sampling.run import decisive, files_in, made_now_by, origin_record
 from pyburgers.sampling.run_directory import RunDirectory
 from pyburgers.sbc.data_sets import DataSetPlan, check_template, replicate
 from pyburgers.sbc.rank_uniformity import RankBands, RankVerdict, judge_ranks, rank_bands
@@ -265,7 +265,7 @@ def _record(
         "kind": CALIBRATION_KIND,
         **problem_record(problem),
         "priors": problem.priors[0].title,
-        **origin_record(run, command, files_in(run.inputs)),
+        **origin_record(run, made_now_by(command), files_in(run.inputs)),
         "plan": asdict(plan),
         "solver": asdict(SolverOptions()),
     }

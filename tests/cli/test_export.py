@@ -21,6 +21,7 @@ from pyburgers.model.parameters import PARAMETER_BY_NAME
 from pyburgers.model.pooling import DEFAULT_KINDS
 from pyburgers.model.variants import with_variant
 from pyburgers.predictions.exported import LEFT_OUT, LOG_FACTOR, as_latex, exported, wide_notes
+from pyburgers.predictions.exports import export
 from pyburgers.predictions.stated_laws import POWER_LAW
 
 
@@ -138,7 +139,7 @@ def test_every_format_says_who_decides_a_number(
         assert word == ("fixed" if one.sd[k] == 0 else word) != ""
         assert table["decided_by"][name] == word
     told = [*small_fit.prior_conflicts(), *small_fit.prior_decisions()]
-    assert content["notes"] == [ORIGINS["synthetic"], *told]
+    assert content["notes"] == [small_fit.which_draws, ORIGINS["synthetic"], *told]
     assert content["draws_of"] == "synthetic"
     assert set(table["draws_of"]) == {"synthetic"}
     assert ORIGINS["synthetic"] in text
@@ -151,6 +152,21 @@ def test_every_format_says_who_decides_a_number(
     assert "& prior (of $Q_M$) &" in as_latex(by_enthalpy)
     assert "\n% n is decided by a prior.\n" in as_latex(by_enthalpy)
     assert "decided by" in text
+
+
+def test_every_format_says_which_draws_it_is_of(
+    small_fit: Fit, joint: Fit, capsys: pytest.CaptureFixture[str]
+) -> None:
+    first = small_fit.manifest["chains"]["1"]["sha256"][:12]
+    told = f"Draws of the fit: 200; SHA-256 of its first chain: {first}."
+    for kind in ("json", "latex"):
+        assert told in printed(small_fit, kind, capsys)
+    (row, *_) = pd.read_csv(io.StringIO(printed(small_fit, "csv", capsys))).to_dict("records")
+    assert (row["draws"], row["first_chain_sha256"]) == (200, first)
+    part, other = joint["other"].which_draws, joint.which_draws
+    assert part == other != small_fit.which_draws
+    (text,) = export(small_fit, "pism", microstructure="initial")
+    assert f"# {told}\n" in text
 
 
 def test_what_does_not_correlate_has_no_sign(small_fit: Fit) -> None:

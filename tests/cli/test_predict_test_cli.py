@@ -1,5 +1,7 @@
 """`pyburgers predict RUN EXPERIMENT.toml`: files that it promises, what it says, exit codes."""
 
+import errno
+import os
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -9,6 +11,8 @@ import pandas as pd
 import pytest
 import xarray as xr
 from conftest import Problem
+from refusals import assert_refused
+from same_contents import contents
 
 from pyburgers.cli.main import main
 from pyburgers.fitting.fit import Fit
@@ -50,8 +54,36 @@ def test_a_test_without_data_gets_bands_draws_and_a_figure(
     table = pd.read_csv(out)
     with xr.open_datatree(out.with_suffix(".nc"), engine="h5netcdf") as kept:
         stress = kept["predictions"]["stress"].to_numpy()[0]
+        assert kept.attrs["which_draws"] == small_fit.which_draws
     assert stress.shape == (20, len(table))
     np.testing.assert_allclose(table["stress_Pa_q50"], np.median(stress, axis=0), rtol=1e-6)
+
+
+@pytest.mark.parametrize("what", ["attenuation", "test"])
+def test_a_full_disk_leaves_an_older_set_whole(
+    what: str,
+    small_fit: Fit,
+    slower: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    folder = tmp_path / "set"
+    folder.mkdir()
+    chosen = ["--regimes", "1"] if what == "attenuation" else [str(slower), "--draws", "20"]
+    command = ["predict", what, str(small_fit.directory.path), *chosen]
+    command += ["--out", str(folder / "new.csv")]
+    assert main(command) == 0
+    before = contents(folder)
+    capsys.readouterr()
+
+    def refuse(file: Path, _: bytes) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(file))
+
+    monkeypatch.setattr("pyburgers.common.netcdf_files.write_bytes", refuse)
+    other = ["--temperature-K", "250"] if what == "attenuation" else ["--seed", "2"]
+    assert_refused(main([*command, *other]), capsys, "cannot be written (No space left on device)")
+    assert contents(folder) == before
 
 
 def test_a_test_with_data_is_scored(

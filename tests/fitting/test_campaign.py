@@ -186,6 +186,8 @@ def test_a_run_of_other_inputs_is_no_fit_of_the_plan(
     assert ("complete" in said, "of other inputs" in said) == (is_same, not is_same)
     if is_same:
         return
+    (out / "report").mkdir()
+    (out / "report" / "index.html").write_text("earlier", encoding="utf-8")
     assert main(campaign) == 1
     said = " ".join(capsys.readouterr().out.split())
     assert f"{folder}: holds a run of other inputs: " in said
@@ -193,7 +195,9 @@ def test_a_run_of_other_inputs_is_no_fit_of_the_plan(
     (row,) = pd.read_csv(out / "status.csv").to_dict("records")
     assert (row["status"], row["chains"], row["of_chains"]) == ("of other inputs", 0, 2)
     assert pd.isna(row["sampled_well"])
-    assert not (out / "report").exists()
+    # The page of the earlier plan is marked as such.
+    assert {file.name for file in (out / "report").iterdir()} == {"outdated.html"}
+    assert "No fit is complete now: the earlier page is " in said
     assert contents(folder) == before
 
 

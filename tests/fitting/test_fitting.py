@@ -320,8 +320,11 @@ def test_a_folder_that_is_no_run_or_has_no_chain_is_refused(copy: Path, tmp_path
     with pytest.raises(InputError, match="not a run directory"):
         Fit.load(tmp_path / "nowhere")
     shutil.rmtree(copy / "chains")
-    with pytest.raises(InputError, match="no chain is finished"):
+    with pytest.raises(InputError, match=r"no chain is finished .* command in its manifest again"):
         Fit.load(copy)
+    with RunDirectory(tmp_path / "claimed").claimed("0"), pytest.raises(InputError) as caught:
+        Fit.load(tmp_path / "claimed")
+    assert "(status 'claimed'); run the same command again" in str(caught.value)
 
 
 @pytest.mark.usefixtures("little_search")

@@ -1,6 +1,7 @@
 """A folder that holds another run: what differs is told, and it is replaced where that is asked."""
 
 import json
+import logging
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ from conftest import SMALL_RUN, Problem, pair_of, with_fixed
 from pyburgers.common.errors import InputError
 from pyburgers.fitting.fit import Fit, fit
 from pyburgers.kinds.stan_data import SolverOptions
+from pyburgers.sampling.run_directory import RunDirectory
 
 
 def refused(problem: Problem, run: Fit, **changed: Any) -> str:
@@ -48,7 +50,10 @@ def test_other_inputs_are_refused_and_what_differs_is_told(
         ({"solver": SolverOptions(tolerance=1e-6)}, "tolerance 1e-06 where the run has 1e-05"),
         ({"use_likelihood": False}, "draws of the prior alone"),
         ({"experiments": replace(test, stress=1.001 * test.stress)}, "readings of test PIL40"),
-        ({"experiments": replace(test, temperature=255.0)}, "the file of test PIL40"),
+        (
+            {"experiments": replace(test, temperature=255.0)},
+            "the file of test PIL40 (temperature_K)",
+        ),
         ({"experiments": pair}, "tests PIL40+other where the run has PIL40"),
         ({"priors": with_fixed(priors, {"activation_enthalpy": 6e4})}, "prior of activation_ent"),
         ({"priors": wider}, "prior of maxwell_modulus"),
@@ -56,10 +61,11 @@ def test_other_inputs_are_refused_and_what_differs_is_told(
     for changed, words in rows:
         text = refused(small_problem, small_fit, **changed)
         assert words in text
-    # More draws are offered if their number alone differs.
+    # More draws are offered if their number alone differs, and is larger.
     longer = replace(SMALL_RUN, draws=300)
+    assert "or --more-draws 200 to add" in refused(small_problem, small_fit, options=longer)
     for changed, offered in (
-        ({"options": longer}, True),
+        ({"options": replace(longer, draws=50)}, False),
         ({"options": replace(longer, seed=2)}, False),
         ({"use_likelihood": False}, False),
     ):
@@ -115,3 +121,30 @@ def test_a_folder_with_a_manifest_of_something_else_is_never_cleared(
     assert "--overwrite" not in str(caught.value)
     for name, text in files.items():
         assert (tmp_path / name).read_text(encoding="utf-8") == text
+
+
+def test_a_corrected_origin_of_the_data_is_that_of_the_run(
+    small_fit: Fit, small_problem: Problem, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Draws stay; copy, manifest and labelled draws tell the same, and the command says so."""
+    out, test = tmp_path / "run", small_problem.experiment
+    small_fit.save(out)
+    copies = RunDirectory(out).test_file(test.id).parent
+    (copies / "experiment_old.csv").write_text("", encoding="utf-8")
+    RunDirectory(out).update_manifest({"hashes": {}})
+    caplog.set_level(logging.INFO, "pyburgers.fitting.problem_run")
+    provenance = replace(test.provenance, kind="measured", source="Corrected")
+    corrected = replace(test, provenance=provenance, true_parameters=None)
+    keys = "provenance, true_parameters"
+    told = f"The run has another copy of the file of test PIL40 ({keys}): it is renewed."
+    for said in ([told], []):
+        caplog.clear()
+        again = fit(corrected, small_problem.priors, out=out, options=SMALL_RUN)
+        assert caplog.messages == said
+        for one in (again, Fit.load(out)):
+            assert one.provenance == provenance
+            assert one.manifest["data_kind"] == one.posterior.attrs["data_kind"] == "measured"
+            assert one.draws_of == "measured"
+        assert {file.name for file in copies.iterdir()} == {"experiment.csv", "experiment.toml"}
+    same = small_fit.posterior["posterior"].to_dataset()
+    assert again.posterior["posterior"].to_dataset().equals(same)

@@ -22,6 +22,8 @@ from pyburgers.sampling.manifest import ChainFailure
 from pyburgers.sampling.run_directory import RunDirectory
 
 MORE = 60
+FIRST = "pyburgers.fit(...)"
+"""Command of a record unless another one is given."""
 
 
 def again(problem: Problem, out: Path, more_draws: int | None = None) -> Fit:
@@ -56,6 +58,59 @@ def test_a_repeated_command_leaves_the_record_of_draws_that_stay(
     assert (more.manifest["sampler"]["chains"], more.manifest["command"]) == (3, "3 chains")
 
 
+def test_versions_of_a_run_are_those_that_made_its_draws(
+    small_fit: Fit, small_problem: Problem, tmp_path: Path
+) -> None:
+    run = RunDirectory(tmp_path / "run")
+    small_fit.save(run.path)
+    old = {**small_fit.manifest["versions"], "numpy": "of another year"}
+    run.update_manifest({"versions": old})
+    assert again(small_problem, run.path).manifest["versions"] == old
+    shutil.rmtree(run.chain_folder(1))
+    new = again(small_problem, run.path).manifest["versions"]
+    assert new == small_fit.manifest["versions"]
+
+
+def test_the_command_of_a_run_stays_that_of_its_first_draws(extended: Fit, small_fit: Fit) -> None:
+    assert small_fit.manifest["command"] == FIRST
+    assert extended.manifest["command"] == FIRST
+
+
+def test_an_interrupted_command_is_completed_by_the_same_one(
+    small_fit: Fit,
+    small_problem: Problem,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    """Draws that a command has added are not added again, and nothing of the old ones is left."""
+    path = tmp_path / "run"
+    small_fit.save(path)
+
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patched:
+        patched.setattr("pyburgers.fitting.fit.build_posterior", interrupt)
+        with pytest.raises(KeyboardInterrupt):
+            again(small_problem, path, MORE)
+    results = {"posterior.nc", "summary.csv", "checks.json"}
+    assert results.isdisjoint(file.name for file in path.iterdir())
+    caplog.set_level(logging.INFO, "pyburgers.sampling.run")
+    for added in ([MORE], [MORE, MORE]):
+        found = again(small_problem, path, MORE)
+        assert found.manifest["more_draws"] == added
+        assert found.manifest["status"] == "complete"
+        assert results < {file.name for file in path.iterdir()}
+    assert caplog.messages == [
+        "Adding 60 draws was asked for before and interrupted: the command completes that, and "
+        "adds no others.",
+        "2 of 2 chains are there already.",
+        "2 of 2 chains are there already.",
+        "Extending 2 chains by 60 draws.",
+    ]
+
+
 def draws_in(run: RunDirectory) -> dict[str, bytes]:
     files = sorted((run.path / "chains").rglob("draws.csv"))
     return {file.relative_to(run.path).as_posix(): file.read_bytes() for file in files}
@@ -67,7 +122,8 @@ def extended(
 ) -> Fit:
     path = tmp_path_factory.mktemp("more") / "run"
     small_fit.save(path)
-    return again(small_problem, path, MORE)
+    test, priors, command = small_problem.experiment, small_problem.priors, "with more draws"
+    return fit(test, priors, out=path, options=SMALL_RUN, more_draws=MORE, command=command)
 
 
 def test_the_draws_that_were_there_stay(small_fit: Fit, extended: Fit) -> None:

@@ -348,7 +348,7 @@ def load_rate_law(path: str | Path) -> RateLaw:
                 "place of beta."
             )
         if one.has_beta:
-            check_beta(f"{where}: beta", found["beta"])
+            check_beta(f"{where}: beta", found["beta"], file.material)
         else:
             _check_rate(where, found["mechanism_rate"])
         priors |= {own_name(name, table.name): found[name] for name in one.parameters}

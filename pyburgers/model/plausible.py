@@ -25,7 +25,8 @@ class PlausibleRanges(Table):
 @cache
 def plausible_ranges(material: str) -> PlausibleRanges | None:
     """Return what the shipped priors of a material say of its tests; None where there are none."""
-    path = shipped_folder("data") / "priors" / f"{material}.toml"
-    if not path.is_file():
+    files = {one.stem: one for one in (shipped_folder("data") / "priors").glob("*.toml")}
+    path = files.get(material)
+    if path is None:
         return None
     return checked(path, read_tables(path).get("plausible", {}), PlausibleRanges)

@@ -25,8 +25,7 @@ from pyburgers.kinds.conditions import ENVIRONMENT_WORDS, Ranges, ranges_text, w
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.model.arrhenius import GAS_CONSTANT
 from pyburgers.model.display import shown_quantity, unit_text
-from pyburgers.model.parameters import CONDITIONS, ENVIRONMENT, RESIDUAL_CORRELATION
-from pyburgers.model.prior_families import UNSIGNED
+from pyburgers.model.parameters import CONDITIONS, ENVIRONMENT, RESIDUAL_CORRELATION, UNSIGNED
 from pyburgers.model.priors import FLOW_LAW, JOINT_PRIOR
 from pyburgers.model.read_quantities import BY_NOISE
 from pyburgers.posterior.labelled_draws import own_name

@@ -15,7 +15,7 @@ from pydantic import Field
 from pyburgers.common.atomic_files import write_text
 from pyburgers.common.errors import InputError, nearest, require_type
 from pyburgers.common.paths import given_path, shipped_folder
-from pyburgers.common.toml_files import Table, all_of, read_toml, toml_text
+from pyburgers.common.toml_files import Material, Table, all_of, read_toml, toml_text
 from pyburgers.model.flow_law_prior import FlowLawPrior, FlowLawTable
 from pyburgers.model.parameters import (
     CONDITIONS,
@@ -264,7 +264,7 @@ def with_flow_law(priors: PriorSet, flow_law: FlowLawPrior, where: str) -> Prior
 
 
 class _PriorFile(Table):
-    material: str = Field(min_length=1, description="the material, such as ice")
+    material: Material
     title: str = Field(min_length=1, description="a title for tables and figures")
     notes: str | None = Field(None, description="remarks for the reader")
     plausible: PlausibleRanges = Field(

@@ -101,7 +101,7 @@ def test_priors_of_another_material_are_told() -> None:
 def test_a_flow_law_is_compared_too() -> None:
     law = pyburgers.priors("halite").flow_law
     assert law is not None
-    far = replace(law, mean=law.mean * [1.0, 1.0, 20.0, 1.0])
+    far = replace(law, mean=law.mean * [1.0, 1.0, 40.0, 1.0])
     halite = with_flow_law(pyburgers.priors("halite"), far, "here")
     assert any(one.startswith("activation_enthalpy: ") for one in unlikely_priors(halite))
 

@@ -59,7 +59,7 @@ def _checked_material(found: str) -> str:
     plain = found.isprintable() and not set(found) & set("$/\\")
     if not plain or not 0 < len(found.strip()) <= len(found) <= LONGEST_MATERIAL:
         raise PydanticCustomError(
-            "material", f"at most {LONGEST_MATERIAL} printable letters without $ and slashes"
+            "material", f"1 to {LONGEST_MATERIAL} printable letters without $ and slashes"
         )
     return found
 
@@ -67,6 +67,16 @@ def _checked_material(found: str) -> str:
 Material = Annotated[
     str, AfterValidator(_checked_material), Field(description="the material, such as ice")
 ]
+
+
+def _checked_word(found: str) -> str:
+    if not any(map(str.isalpha, found)):
+        raise PydanticCustomError("word", "a text with a letter")
+    return found
+
+
+Word = Annotated[str, AfterValidator(_checked_word)]
+"""A word to be looked for, which is not in every text."""
 
 SYSTEM_FOLDERS = ("/proc", "/sys")
 """Folders whose files are the system itself; some of them never end."""

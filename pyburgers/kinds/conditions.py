@@ -80,7 +80,7 @@ def tell_doubts(*inputs: tuple[PriorSet, Sequence[Experiment]]) -> None:
 def _unlikely_flow(experiment: Experiment, priors: PriorSet) -> Iterator[str]:
     """Say if a test at constant rates reaches stresses far from those at which its dashpot flows.
 
-    It may stay far below them if its strain is elastic. Laws with more than a power law are left
+    It may stay far below them as long as its strain may be elastic. Laws with more than a power law are left
     aside.
     """
     acts = {name: not is_fixed_at(prior, 0.0) for name, prior in priors.priors.items()}
@@ -103,7 +103,7 @@ def _unlikely_flow(experiment: Experiment, priors: PriorSet) -> Iterator[str]:
     softest = 1.0 / sum(1.0 / (range_of(priors[name]) or (np.inf,))[0] for name in MODULI)
     reached, elastic = np.log([experiment.largest_stress, softest * np.ptp(experiment.strain)])
     margin = np.log(FAR_FROM_FLOW)
-    if reached > high + margin or (reached < low - margin and elastic > low + margin):
+    if reached > high + margin or reached < min(low, elastic) - margin:
         with np.errstate(over="ignore"):
             ends = " to ".join(f"{np.exp(end) / 1e6:.3g}" for end in (low, high))
         yield (

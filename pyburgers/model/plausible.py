@@ -1,8 +1,10 @@
 """Numbers that tests of a material are likely to have, as its shipped prior file states them."""
 
 from functools import cache
+from typing import Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
+from pydantic_core import PydanticCustomError
 
 from pyburgers.common.paths import shipped_folder
 from pyburgers.common.toml_files import Table, checked, read_tables
@@ -20,6 +22,16 @@ class PlausibleRanges(Table):
     largest_stress_MPa: float = Field(  # noqa: N815
         2e4, gt=0, description="the stress in MPa beyond which tests are unlikely"
     )
+
+    @model_validator(mode="after")
+    def _in_order(self) -> Self:
+        least, melting = self.least_temperature_K, self.melting_temperature_K
+        if least is not None and melting is not None and least >= melting:
+            raise PydanticCustomError(
+                "order",
+                f"least_temperature_K ({least:g}) below melting_temperature_K ({melting:g})",
+            )
+        return self
 
 
 @cache

@@ -18,7 +18,7 @@ from scipy.special import ndtr, ndtri_exp
 
 from pyburgers.common.array_types import FloatArray
 from pyburgers.common.errors import InputError, nearest, require_type
-from pyburgers.common.toml_files import Table, factor_to_si
+from pyburgers.common.toml_files import Table, Word, factor_to_si
 from pyburgers.model.parameters import (
     BELOW_ONE,
     BOUNDED_AWAY_FROM_ZERO,
@@ -247,7 +247,7 @@ class PriorTable(Table):
     lower: float | None = Field(None, description="the lower bound")
     upper: float | None = Field(None, description="the upper bound")
     value: float | None = Field(None, description="the value of a fixed parameter")
-    read_off: list[str] = Field(
+    read_off: list[Word] = Field(
         default=[],
         description="words in the id, source or DOI of the data that the prior was read off",
     )

@@ -80,8 +80,7 @@ def tell_doubts(*inputs: tuple[PriorSet, Sequence[Experiment]]) -> None:
 def _unlikely_flow(experiment: Experiment, priors: PriorSet) -> Iterator[str]:
     """Say if a test at constant rates reaches stresses far from those at which its dashpot flows.
 
-    It may stay far below them as long as its strain may be elastic. Laws with more than a power law are left
-    aside.
+    It may stay far below them as long as its strain may be elastic. Only power laws alone count.
     """
     acts = {name: not is_fixed_at(prior, 0.0) for name, prior in priors.priors.items()}
     more = (name for name in OTHER_FLOWS if not is_standard(priors.priors, name))

@@ -210,7 +210,8 @@ class PriorSet:
         --------
         >>> ice = pyburgers.priors("ice").resolved(max_stress=2e6)
         """
-        return self.exchanging(*(prior.resolved(max_stress) for prior in self.priors.values()))
+        resolved = {name: prior.resolved(max_stress) for name, prior in self.priors.items()}
+        return replace(self, priors=MappingProxyType(resolved))
 
 
 def with_flow_law(priors: PriorSet, flow_law: FlowLawPrior, where: str) -> PriorSet:

@@ -1,7 +1,7 @@
 """`pyburgers check-file`: everything that is wrong with an input file, and what to do about it."""
 
 import argparse
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from copy import deepcopy
 from difflib import get_close_matches
 from importlib import import_module
@@ -21,7 +21,8 @@ from pyburgers.flow_law_tables.tables import RateTable
 from pyburgers.kinds.conditions import doubts
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.kind import load_experiment
-from pyburgers.model.priors import PriorSet, load_priors
+from pyburgers.model.plausible import PlausibleRanges, plausible_ranges
+from pyburgers.model.priors import PriorSet, load_priors, shipped_prior_files
 from pyburgers.model.unlikely_numbers import unlikely_priors
 
 STAND_INS: Mapping[str, Any] = {
@@ -85,8 +86,11 @@ def check(path: Path, *, tells_unread: bool = True) -> int:
     if isinstance(loaded, Experiment):
         beside = (one for look in tables for one in contradictions(look, content, loaded))
         lines += [f"warning: {sentence}" for sentence in (*doubts(loaded), *beside)]
-    if isinstance(loaded, PriorSet):
-        lines += [f"warning: {sentence}" for sentence in unlikely_priors(loaded)]
+    # A law of tables has priors, too.
+    priors = loaded if isinstance(loaded, PriorSet) else getattr(loaded, "priors", None)
+    if isinstance(priors, PriorSet):
+        lines += [f"warning: {sentence}" for sentence in unlikely_priors(priors)]
+        lines += [f"note: {sentence}" for sentence in _not_compared(path, content, priors)]
     for line in lines:
         print(shown(line))
     if errors:
@@ -98,6 +102,21 @@ def check(path: Path, *, tells_unread: bool = True) -> int:
         what = f", {loaded.id}: {loaded.protocol} of {loaded.material}, {points}"
     print(f"{shown(path)}: no errors{what}")
     return 0
+
+
+def _not_compared(path: Path, content: Mapping[str, Any], priors: PriorSet) -> Iterator[str]:
+    """Say what about priors is read without effect, and that there may be none to compare with."""
+    own = content.get("plausible")
+    if own and PlausibleRanges.model_validate(own) != plausible_ranges(priors.material):
+        yield (
+            f"{path}: [plausible] has no effect in a file of your own: numbers of tests are "
+            "compared with those that come with pyburgers, where there are any."
+        )
+    if priors.material not in shipped_prior_files():
+        yield (
+            f"{path}: no priors of {priors.material!r} come with pyburgers, so that there is "
+            "nothing to compare these with: check every unit."
+        )
 
 
 def all_errors(path: Path, content: Mapping[str, Any]) -> tuple[list[str], object]:

@@ -35,8 +35,12 @@ def csv_text(table: pd.DataFrame, *, index: bool = False, float_format: str | No
 
 def comment_lines(notes: Iterable[str]) -> str:
     """Return a line of comment for each note, with a blank before formulas behind separators."""
-    lines = (" ".join(note.splitlines()) for note in notes)
-    return "".join(f"# {_HIDDEN_FORMULA.sub(' ', line)}\n" for line in lines)
+    return "".join(f"# {_HIDDEN_FORMULA.sub(' ', in_one_line(note))}\n" for note in notes)
+
+
+def in_one_line(note: str) -> str:
+    """Return a text for a comment that ends with its line."""
+    return " ".join(note.splitlines())
 
 
 def cell_of_text(text: str) -> str:

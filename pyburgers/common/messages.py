@@ -4,7 +4,7 @@ import io
 import logging
 import re
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from multiprocessing import parent_process
 from typing import TextIO
@@ -12,6 +12,8 @@ from typing import TextIO
 PACKAGE = "pyburgers"
 """The logger above those of all modules."""
 
+
+logger = logging.getLogger(__name__)
 
 LONGEST_MESSAGE = 4000
 """Letters of a message, which files of others may make as long as they are."""
@@ -31,6 +33,12 @@ def message_text(text: str) -> str:
         part = LONGEST_MESSAGE // 2
         text = f"{text[:part]} [{len(text) - 2 * part} letters left out] {text[-part:]}"
     return printable(text)
+
+
+def tell_notes(sentences: Iterable[str]) -> None:
+    """Note sentences, each once."""
+    for sentence in dict.fromkeys(sentences):
+        logger.info(f"note: {sentence}")
 
 
 class PrintableStream(io.TextIOBase):

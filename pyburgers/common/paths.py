@@ -21,7 +21,9 @@ def shown(text: object) -> str:
     except FileNotFoundError:  # it was removed: nothing lies below it
         return str(text)
     begins, ends = r"(?<![^\s'\"`(=:,])", r"(?![^\s'\"`):;,])"
-    below = re.sub(rf"{begins}{here}{os.sep}(?!~)(?=\S)", "", str(text))
+    # "-x" alone would be an option.
+    dashed = re.sub(rf"{begins}{here}{os.sep}(?=-)", f".{os.sep}", str(text))
+    below = re.sub(rf"{begins}{here}{os.sep}(?!~)(?=\S)", "", dashed)
     return re.sub(rf"{begins}{here}{ends}", ".", below)
 
 

@@ -10,12 +10,12 @@ import shlex
 import tomllib
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, TypeVar, get_args
+from typing import Annotated, Any, TypeVar, get_args
 
 import numpy as np
 import tomli_w
-from pydantic import BaseModel, ConfigDict, ValidationError
-from pydantic_core import ErrorDetails
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
+from pydantic_core import ErrorDetails, PydanticCustomError
 
 from pyburgers.common.atomic_files import write_text
 from pyburgers.common.errors import InputError, StructureError, nearest
@@ -50,6 +50,33 @@ TableT = TypeVar("TableT", bound=Table)
 NAME = r"^[A-Za-z0-9_][A-Za-z0-9._-]{0,99}$"
 """What a name has to look like that becomes a part of names of files."""
 
+
+LONGEST_MATERIAL = 100
+"""Letters of the name of a material, which figures, tables and files of other codes quote."""
+
+
+def _checked_material(found: str) -> str:
+    plain = found.isprintable() and not set(found) & set("$/\\")
+    if not plain or not 0 < len(found.strip()) <= len(found) <= LONGEST_MATERIAL:
+        raise PydanticCustomError(
+            "material", f"1 to {LONGEST_MATERIAL} printable letters without $ and slashes"
+        )
+    return found
+
+
+Material = Annotated[
+    str, AfterValidator(_checked_material), Field(description="the material, such as ice")
+]
+
+
+def _checked_word(found: str) -> str:
+    if not any(map(str.isalpha, found)):
+        raise PydanticCustomError("word", "a text with a letter")
+    return found
+
+
+Word = Annotated[str, AfterValidator(_checked_word)]
+"""A word to be looked for, which is not in every text."""
 
 SYSTEM_FOLDERS = ("/proc", "/sys")
 """Folders whose files are the system itself; some of them never end."""

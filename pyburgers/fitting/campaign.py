@@ -34,13 +34,14 @@ from pyburgers.fitting.problem_run import (
     settled_options,
     write_inputs,
 )
+from pyburgers.kinds.conditions import tell_doubts
 from pyburgers.kinds.experiment import A_TEST, Experiment
 from pyburgers.kinds.kind import load_experiment
 from pyburgers.kinds.problem import Problem, of_one_program, problem_of
 from pyburgers.kinds.program_data import program_data
 from pyburgers.kinds.stan_data import REFERENCE_SOLVER, SolverOptions
 from pyburgers.kinds.together import pooling_for, priors_for
-from pyburgers.model.priors import SOME_PRIORS, PriorSet, note_other_material
+from pyburgers.model.priors import SOME_PRIORS, PriorSet
 from pyburgers.model.variants import with_variant
 from pyburgers.sampling.manifest import COMPLETE, FitManifest
 from pyburgers.sampling.options import (
@@ -114,6 +115,16 @@ def task_of(
     tests = one_or_several("experiments", experiments, Experiment, A_TEST)
     require_type("priors", priors, PriorSet, SOME_PRIORS)
     require_type("options", options, SamplerOptions, SOME_OPTIONS)
+    tell_doubts((priors, tests))
+    return _task(tests, priors, options, pool)
+
+
+def _task(
+    tests: Sequence[Experiment],
+    priors: PriorSet,
+    options: SamplerOptions,
+    pool: Mapping[str, str] | None,
+) -> Task:
     return Task(problem_of(tests, priors, pooling_for(tests, pool)), options)
 
 
@@ -315,17 +326,18 @@ def load_campaign(path: Path) -> Campaign:
             for name, file in plan.priors.items():
                 source = None if file == SHIPPED else path.parent / file
                 given = priors_for(experiments, source, laws)
-                note_other_material(given, experiments[0].material)
                 pool = plan.pool if len(experiments) > 1 else None
                 for seed in plan.seeds:
                     one = Combination(test, variant, name, seed)
                     try:
                         priors = with_variant(given, experiments[0], laws)
                         options = SamplerOptions(seed=seed, **settings)
-                        tasks[one] = task_of(experiments, priors, options, pool)
+                        tasks[one] = _task(experiments, priors, options, pool)
                     except InputError as error:
                         raise InputError(f"{path}: {one.name}: {error}") from error
     _check_names(path, [one.name for one in tasks])
+    problems = (task.problem for task in tasks.values())
+    tell_doubts(*((problem.given_priors, problem.experiments) for problem in problems))
     return Campaign(plan.id, tasks)
 
 

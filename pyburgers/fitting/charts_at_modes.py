@@ -346,7 +346,6 @@ def draw_from_prior(
     chain alone. Raises `SamplingError` if none of `START_ATTEMPTS` draws has a solution.
     """
     rng = np.random.default_rng([seed, chain])
-    reference = problem.likelihood.reference.name
     for _ in range(START_ATTEMPTS):
         values = draw_priors(problem, rng)
         spreads = np.abs(rng.standard_normal(len(problem.partial)))
@@ -358,7 +357,7 @@ def draw_from_prior(
         except SamplingError:
             continue  # a test has no finite solution here; the next draw may have one
         plain = [
-            coordinates.at({**own, reference: float(np.exp(solution["log_reference"][0]))})
+            coordinates.at(own, float(solution["log_reference"][0]))
             for coordinates, own, solution in zip(
                 problem.coordinates, values, solutions, strict=True
             )

@@ -1,6 +1,5 @@
 """Fit one or several tests, and what a finished fit says of each."""
 
-import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -27,7 +26,7 @@ from pyburgers.fitting.problem_run import (
     sample_until_good,
 )
 from pyburgers.fitting.sampled_fit import SampledFit, data_words, in_passing, write_tables
-from pyburgers.kinds.conditions import Ranges, conditions_of, doubts
+from pyburgers.kinds.conditions import Ranges, conditions_of, prior_doubts, tell_doubts
 from pyburgers.kinds.experiment import A_TEST, Experiment, Provenance
 from pyburgers.kinds.problem import Problem, one_test, problem_of
 from pyburgers.kinds.stan_data import SolverOptions
@@ -38,9 +37,7 @@ from pyburgers.model.priors import (
     JOINT_PRIOR,
     SOME_PRIORS,
     PriorSet,
-    note_other_material,
 )
-from pyburgers.model.unlikely_numbers import unlikely_priors
 from pyburgers.model.variants import ModelVariant
 from pyburgers.posterior.build import build_posterior
 from pyburgers.posterior.groups import load_posterior
@@ -49,8 +46,6 @@ from pyburgers.sampling.manifest import FitManifest
 from pyburgers.sampling.options import SOME_OPTIONS, SamplerOptions
 from pyburgers.sampling.run import draws_to_add
 from pyburgers.sampling.run_directory import RunDirectory
-
-logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -180,6 +175,12 @@ class Fit(SampledFit):
             )
             for alone in parts
         }
+
+    @cached_property
+    def prior_doubts(self) -> tuple[str, ...]:
+        """What is unlikely about the priors, of a joint fit about those of all tests."""
+        problem = (self.whole or self).problem
+        return prior_doubts(problem.given_priors, problem.experiments)
 
     @property
     def read_off(self) -> frozenset[str]:
@@ -434,10 +435,7 @@ def fit(
         )
 
     def fit_in(folder: Path) -> Fit:
-        note_other_material(priors, tests[0].material)
-        of_tests = (one for test in tests for one in (*test.notices, *doubts(test)))
-        for sentence in (*of_tests, *unlikely_priors(priors)):
-            logger.info(f"note: {sentence}")
+        tell_doubts((priors, tests))
         return fit_problem(
             problem_of(tests, priors, pooling_for(tests, pool)),
             out=folder,

@@ -138,13 +138,18 @@ class SampledFit(ABC):
     def prior_decisions(self) -> tuple[str, ...]:
         """Return a sentence for each number that a bound or another quantity's prior decides.
 
-        Another one names the priors that were read off the data of the fit.
+        Others name unlikely priors, and those that were read off the data of the fit.
 
         Examples
         --------
         >>> sentences = fit.prior_decisions()
         """
-        return decision_sentences(self.decisions())
+        return (*self.prior_doubts, *decision_sentences(self.decisions()))
+
+    @property
+    def prior_doubts(self) -> tuple[str, ...]:
+        """Sentences about priors that are unlikely."""
+        return ()
 
     @abstractmethod
     def si_summary(self) -> pd.DataFrame:
@@ -352,11 +357,12 @@ class SampledFit(ABC):
 
     @property
     def cautions(self) -> tuple[str, ...]:
-        """A sentence if the data are synthetic or took no part, and for each verdict but a yes."""
+        """Sentences on data that are synthetic or took no part, verdicts but a yes, odd priors."""
         found = self.verdicts().values()
         return (
             *self.origins,
             *(one.sentence for one in found if one.outcome is not Outcome.YES),
+            *(f"Priors: {one}" for one in self.prior_doubts),
         )
 
     @property

@@ -3,6 +3,7 @@
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
 from typing import Self
@@ -34,6 +35,7 @@ from pyburgers.flow_law_tables.table_files import load_rate_table
 from pyburgers.flow_law_tables.tables import RateTable
 from pyburgers.kinds.experiment import Provenance
 from pyburgers.model.priors import FLOW_LAW
+from pyburgers.model.unlikely_numbers import unlikely_priors
 from pyburgers.posterior.groups import load_posterior
 from pyburgers.posterior.labelled_draws import own_name, summary_table
 from pyburgers.sampling.manifest import RunManifest
@@ -79,6 +81,11 @@ class RateFit(SampledFit):
     def provenance(self) -> Provenance:
         """Origin of the tables."""
         return self.data.provenance
+
+    @cached_property
+    def prior_doubts(self) -> tuple[str, ...]:
+        """What is unlikely about the priors."""
+        return tuple(unlikely_priors(self.law.priors, self.data.material))
 
     def _influences_on(self, derived: Mapping[str, FloatArray]) -> dict[str, dict[str, Influence]]:
         """Influences by the name of the table, and quantity."""

@@ -15,6 +15,7 @@ from pyburgers.cmdstan.program import load_program
 from pyburgers.cmdstan.toolchain import stan_directory
 from pyburgers.common.atomic_files import write_json
 from pyburgers.common.errors import InputError, one_or_several, require_type
+from pyburgers.common.messages import tell_notes
 from pyburgers.common.paths import given_path
 from pyburgers.fitting.problem_run import sample_until_good
 from pyburgers.fitting.sampled_fit import write_tables
@@ -32,7 +33,8 @@ from pyburgers.flow_law_tables.softening import softening_prior
 from pyburgers.flow_law_tables.table_files import save_rate_table
 from pyburgers.flow_law_tables.tables import RateTable, in_order_of_tests, joined
 from pyburgers.model.flow_law_prior import FLOW_LAW_PRIOR_FILE
-from pyburgers.model.priors import SOME_PRIORS, PriorSet, note_other_material, shipped_prior_files
+from pyburgers.model.priors import SOME_PRIORS, PriorSet, shipped_prior_files
+from pyburgers.model.unlikely_numbers import unlikely_priors
 from pyburgers.posterior.labelled_draws import own_name
 from pyburgers.sampling.options import SOME_OPTIONS, SamplerOptions
 from pyburgers.sampling.run import (
@@ -114,7 +116,7 @@ def fit_rates(
     data = joined(tables, held_out, softened=curve is not None)
     kind = "power_law" if curve is None else "flow_law"
     law = _default_law(data.material, kind) if law is None else law
-    note_other_material(law.priors, data.material)
+    tell_notes(unlikely_priors(law.priors, data.material))
     unknown = [name for name in held_out if name not in data.sources]
     if unknown or len(held_out) == len(data.sources):
         raise InputError(
@@ -126,7 +128,7 @@ def fit_rates(
     require_type("options", options, SamplerOptions, SOME_OPTIONS)
     softening = None
     if curve is not None:
-        note_other_material(curve, data.material)
+        tell_notes(unlikely_priors(curve, data.material))
         _refuse_softening(law)
         used = data.rows(~np.isin(data.source, list(held_out)))
         softening = softening_prior(used, curve, seed=options.seed)

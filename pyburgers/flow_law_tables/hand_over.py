@@ -12,10 +12,11 @@ from pyburgers.model.arrhenius import GAS_CONSTANT
 from pyburgers.model.flow_law_prior import PRIOR_QUANTITIES, FlowLawPrior
 from pyburgers.model.parameters import (
     FURTHER_MECHANISMS,
+    LOWER_LIMITS,
     MECHANISM_REFERENCES,
     PARAMETER_BY_NAME,
 )
-from pyburgers.model.prior_families import LOWER_LIMITS, PriorTable
+from pyburgers.model.prior_families import PriorTable
 from pyburgers.model.stated_priors import fixed, lognormal, normal
 
 

@@ -10,7 +10,7 @@ from pydantic import Field
 
 from pyburgers.common.errors import InputError, nearest
 from pyburgers.common.paths import given_path
-from pyburgers.common.toml_files import NAME, Table, read_toml, without_none, write_toml
+from pyburgers.common.toml_files import NAME, Material, Table, read_toml, without_none, write_toml
 from pyburgers.model.display import shown_quantity
 from pyburgers.model.flow_law_prior import Conditions
 from pyburgers.model.parameters import ENVIRONMENT, ENVIRONMENT_NUMBERS, Parameter
@@ -252,7 +252,7 @@ class _MechanismTable(Table):
 
 
 class _LawFile(Table):
-    material: str = Field(min_length=1, description="the material, such as ice")
+    material: Material
     title: str = Field(min_length=1, description="a title for tables and figures")
     notes: str | None = Field(None, description="remarks for the reader")
     reference: _ReferenceTable = Field(description="conditions of the rates of the mechanisms")
@@ -348,7 +348,7 @@ def load_rate_law(path: str | Path) -> RateLaw:
                 "place of beta."
             )
         if one.has_beta:
-            check_beta(f"{where}: beta", found["beta"])
+            check_beta(f"{where}: beta", found["beta"], file.material)
         else:
             _check_rate(where, found["mechanism_rate"])
         priors |= {own_name(name, table.name): found[name] for name in one.parameters}

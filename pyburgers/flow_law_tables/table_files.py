@@ -17,7 +17,15 @@ from pyburgers.common.columns import Cell, Column, DataFile, TextFilesTable, rea
 from pyburgers.common.csv_tables import WRITTEN_LAYOUT, write_columns
 from pyburgers.common.errors import InputError
 from pyburgers.common.paths import given_path
-from pyburgers.common.toml_files import NAME, Table, all_of, checked, read_tables, write_toml
+from pyburgers.common.toml_files import (
+    NAME,
+    Material,
+    Table,
+    all_of,
+    checked,
+    read_tables,
+    write_toml,
+)
 from pyburgers.common.units import counted
 from pyburgers.flow_law_tables.tables import (
     AXIAL_EQUIVALENT,
@@ -99,7 +107,7 @@ class _PeakStrainTable(Table):
 
 class _RateFile(Table):
     id: str = Field(pattern=NAME, description="the table's name, part of file names")
-    material: str = Field(min_length=1, description="the material, such as ice")
+    material: Material
     protocol: Literal["rates"] = Field(description="the kind of table")
     data: _DataTable = Field(description="the table that says where the columns are")
     tests: list[_TestsTable] = Field(min_length=1, description="how the tests were made")

@@ -7,6 +7,7 @@ import numpy as np
 import xarray as xr
 
 from pyburgers.common.array_types import FloatArray
+from pyburgers.common.messages import tell_notes
 from pyburgers.common.units import UNITS, number
 from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment
@@ -15,10 +16,14 @@ from pyburgers.kinds.forced_oscillation.experiment import OscillationExperiment
 from pyburgers.kinds.kind import solution_columns
 from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
+from pyburgers.model.arrhenius import GAS_CONSTANT
+from pyburgers.model.environment import acting_environment
+from pyburgers.model.laws import DASHPOT_STRESSES, DISLOCATIONS_SWITCH, HARDENING_SWITCH
 from pyburgers.model.parameters import ENVIRONMENT, STANDARD_VALUES
 from pyburgers.model.plausible import PlausibleRanges, plausible_ranges
-from pyburgers.model.priors import default_priors, shipped_prior_files
-from pyburgers.model.unlikely_numbers import range_of, unlikely_numbers
+from pyburgers.model.prior_families import is_fixed_at, is_standard
+from pyburgers.model.priors import FLOW_LAW, PriorSet, default_priors, shipped_prior_files
+from pyburgers.model.unlikely_numbers import range_of, unlikely_numbers, unlikely_priors
 
 LIKELY_GRAIN_SIZES = (1e-8, 0.05)
 """Grain sizes (m) outside of which a unit may be wrong."""
@@ -31,6 +36,13 @@ the ratio to the largest usual Maxwell modulus beyond which a unit or a zero may
 SOFTEST, TINY_STRAIN = 0.01, 1e-12
 """Share of the least usual Maxwell modulus below which that of an oscillation may have a wrong
 unit; strain that stands for none in a quotient."""
+
+FLOW_DRAWS, TAIL, FAR_FROM_FLOW = 500, 0.025, 3.0
+"""Draws of the flow law from its priors, the share of them beyond each end of their range, and the
+factor beyond these ends at which the largest stress of a test speaks against the priors."""
+
+OTHER_FLOWS = (*DASHPOT_STRESSES, HARDENING_SWITCH, DISLOCATIONS_SWITCH, "second_rate")
+MODULI = ("maxwell_modulus", "kelvin_modulus")
 
 MIN_LIKELY_STRESS = 1e3
 """Largest stress (Pa) of a test below which a unit may be wrong."""
@@ -45,6 +57,72 @@ def doubts(experiment: Experiment) -> list[str]:
             "fit needs --priors."
         )
     return found
+
+
+def prior_doubts(priors: PriorSet, tests: Sequence[Experiment]) -> tuple[str, ...]:
+    """Say what is unlikely about the priors of some tests of a material."""
+    of_tests = (sentence for test in tests for sentence in _unlikely_flow(test, priors))
+    return (*unlikely_priors(priors, tests[0].material), *of_tests)
+
+
+def tell_doubts(*inputs: tuple[PriorSet, Sequence[Experiment]]) -> None:
+    """Note what tests and their priors say, each sentence once."""
+    tell_notes(
+        sentence
+        for priors, tests in inputs
+        for sentence in (
+            *(one for test in tests for one in (*test.notices, *doubts(test))),
+            *prior_doubts(priors, tests),
+        )
+    )
+
+
+def _unlikely_flow(experiment: Experiment, priors: PriorSet) -> Iterator[str]:
+    """Say if a test at constant rates reaches stresses far from those at which its dashpot flows.
+
+    It may stay far below them as long as its strain may be elastic. Only power laws alone count.
+    """
+    acts = {name: not is_fixed_at(prior, 0.0) for name, prior in priors.priors.items()}
+    more = (name for name in OTHER_FLOWS if not is_standard(priors.priors, name))
+    if (
+        not isinstance(experiment, ConstantRateExperiment)
+        or not experiment.n_points
+        or any(more)
+        or acting_environment(acts)
+    ):
+        return
+    drawn = _drawn_flow_law(priors)
+    arrhenius = drawn["beta"] - 1.0 / (GAS_CONSTANT * experiment.temperature)
+    log_rate = drawn["activation_enthalpy"] * arrhenius - drawn["grain_size_exponent"] * np.log(
+        experiment.initial_grain_size
+    )
+    rates = np.log([segment.strain_rate for segment in experiment.segments])
+    slow, fast = ((end - log_rate) / drawn["stress_exponent"] for end in (min(rates), max(rates)))
+    low, high = float(np.quantile(slow, TAIL)), float(np.quantile(fast, 1.0 - TAIL))
+    softest = 1.0 / sum(1.0 / (range_of(priors[name]) or (np.inf,))[0] for name in MODULI)
+    reached, elastic = np.log([experiment.largest_stress, softest * np.ptp(experiment.strain)])
+    margin = np.log(FAR_FROM_FLOW)
+    if reached > high + margin or reached < min(low, elastic) - margin:
+        with np.errstate(over="ignore"):
+            ends = " to ".join(f"{np.exp(end) / 1e6:.3g}" for end in (low, high))
+        yield (
+            f"{experiment.id}: with these priors the dashpot flows at {ends} MPa, the data reach "
+            f"{experiment.largest_stress / 1e6:.3g} MPa: check n, Q_M and beta together."
+        )
+
+
+def _drawn_flow_law(priors: PriorSet) -> dict[str, FloatArray]:
+    """Return draws (n,) of n, p, Q_M and beta."""
+    rng = np.random.default_rng(1)
+    if priors.flow_law is not None:
+        rows = [priors.flow_law.sample(rng) for _ in range(FLOW_DRAWS)]
+        return {name: np.array([row[name] for row in rows]) for name in FLOW_LAW}
+    return {
+        name: np.full(FLOW_DRAWS, priors[name].location)
+        if priors[name].is_fixed
+        else priors[name].distribution().rvs(FLOW_DRAWS, random_state=rng)
+        for name in FLOW_LAW
+    }
 
 
 def unlikely_in(experiment: Experiment) -> list[str]:

@@ -18,7 +18,7 @@ from pydantic import Field
 
 from pyburgers.common.array_types import FloatArray
 from pyburgers.common.errors import InputError, nearest, require_type
-from pyburgers.common.toml_files import NAME, Table, all_of, factor_to_si, nested_table
+from pyburgers.common.toml_files import NAME, Material, Table, all_of, factor_to_si, nested_table
 from pyburgers.kinds.experiment import (
     CONDITION_KEYS,
     ENVIRONMENT_KEYS,
@@ -50,7 +50,7 @@ class ExperimentFile(Table):
     """Keys that experiment files of all protocols share."""
 
     id: str = Field(description="the sample's name")
-    material: str = Field(min_length=1, description="the material, such as ice")
+    material: Material
     protocol: str = Field(description="the kind of test")
     temperature_K: float = Field(description="the temperature in kelvin")  # noqa: N815 (the key of the file, K for kelvin)
     initial_grain_size_m: float = Field(description="the mean grain size at the start in metres")

@@ -20,11 +20,12 @@ from pyburgers.kinds.stan_data import REFERENCE_SOLVER, SolverOptions
 from pyburgers.model.parameters import (
     BELOW_ONE,
     GIVEN_TOGETHER,
+    MAY_BE_ZERO,
     PARAMETER_BY_NAME,
     PARAMETERS,
     STANDARD_VALUES,
+    UNSIGNED,
 )
-from pyburgers.model.prior_families import MAY_BE_ZERO, UNSIGNED
 from pyburgers.model.variants import check_laws, with_variant
 
 LARGEST = float(np.finfo(np.float64).max)

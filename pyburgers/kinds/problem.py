@@ -14,7 +14,7 @@ from pyburgers.kinds.stan_data import Layout, PlainCoordinates, layout_of
 from pyburgers.model.environment import acting_environment
 from pyburgers.model.parameters import CONDITIONS, PARAMETER_BY_NAME, RESIDUAL_CORRELATION
 from pyburgers.model.pooling import SEPARATE, Pooling
-from pyburgers.model.prior_families import Prior, fixed_prior, is_fixed_at
+from pyburgers.model.prior_families import Prior, fixed_prior, is_fixed_at, normal_prior
 from pyburgers.model.priors import FLOW_LAW, PriorSet
 from pyburgers.model.residual_laws import reading_error_priors
 from pyburgers.model.variants import WITHOUT_EFFECT, ModelVariant, check_variant, variant_of
@@ -440,7 +440,4 @@ def _normal(name: str, stated: Stated, source: str) -> Prior:
     parameter = PARAMETER_BY_NAME[name]
     if stated.sd == 0:
         return fixed_prior(parameter, stated.value, source)
-    numbers = {"location": stated.value, "scale": stated.sd}
-    if name == "apparatus_compliance":
-        numbers["lower"] = 0.0
-    return Prior.of_family(name, "normal", numbers, unit=parameter.si_unit, source=source)
+    return normal_prior(parameter, stated.value, stated.sd, source)

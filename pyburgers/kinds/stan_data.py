@@ -139,15 +139,19 @@ class PlainCoordinates:
         """Rows of shift, scale, lower and upper bound, shape (n_coordinates, 4)."""
         return np.column_stack([self.shift, self.scale, self.lower, self.upper])
 
-    def at(self, values: Mapping[str, float]) -> FloatArray:
-        """Coordinates, shape (n_coordinates,), of SI values that include the reference one."""
+    def at(self, values: Mapping[str, float], log_reference: float | None = None) -> FloatArray:
+        """Coordinates, shape (n_coordinates,), of SI values.
+
+        They include the reference one, unless its logarithm is given, which is never too small.
+        """
+
+        def position(name: str) -> float:
+            if name not in REFERENCE_QUANTITIES:
+                return values[name]
+            return float(np.log(values[name])) if log_reference is None else log_reference
+
         return np.array(
-            [
-                self.of_quantity(
-                    k, np.log(values[name]) if name in REFERENCE_QUANTITIES else values[name]
-                )
-                for k, name in enumerate(self.quantities)
-            ],
+            [self.of_quantity(k, position(name)) for k, name in enumerate(self.quantities)],
             dtype=np.float64,
         )
 

@@ -17,7 +17,7 @@ from pyburgers.common.array_types import FloatArray
 from pyburgers.common.atomic_files import write_json
 from pyburgers.common.errors import InputError
 from pyburgers.common.paths import given_path
-from pyburgers.common.toml_files import Table, read_json
+from pyburgers.common.toml_files import Table, Word, read_json
 from pyburgers.model.arrhenius import GAS_CONSTANT
 from pyburgers.model.peak_test import PeakTest
 
@@ -231,7 +231,7 @@ class FlowLawTable(Table):
     tests: list[PeakTestTable] = Field(
         default=[], description="the tests that it was fitted to, if it is a fit"
     )
-    read_off: list[str] = Field(
+    read_off: list[Word] = Field(
         default=[], description="words in the id, source or DOI of data that it was read off"
     )
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pyburgers.common.units import UNITS
-from pyburgers.model.laws import NONLINEAR_KELVIN_PARAMETERS
+from pyburgers.model.laws import DASHPOT_STRESSES, HARDENING_SWITCH, NONLINEAR_KELVIN_PARAMETERS
 
 
 @dataclass(frozen=True)
@@ -195,3 +195,60 @@ BELOW_ONE = frozenset({"relaxation_exponent", "andrade_exponent"})
 """Exponents of relaxation and creep, which at 1 are a dashpot."""
 
 PARAMETER_BY_NAME: Mapping[str, Parameter] = {p.name: p for p in PROGRAM_PARAMETERS}
+
+MAY_BE_ZERO = frozenset(
+    {"grain_size_exponent", *(name for name, value in STANDARD_VALUES.items() if value == 0.0)}
+)
+"""Parameters that may be fixed at zero."""
+
+UNSIGNED = frozenset(
+    {
+        "beta",
+        "activation_enthalpy",
+        "modulus_temperature_coefficient",
+        "strain_offset",
+        *CONDITIONS,
+        *ALL_ENVIRONMENT_NUMBERS,
+    }
+)
+"""Parameters whose priors may reach below zero."""
+
+BOUNDED_AWAY_FROM_ZERO = frozenset(
+    {
+        "steady_state_fabric_factor",
+        "critical_strain_grain_size",
+        "critical_strain_fabric",
+        *DASHPOT_STRESSES,
+        *NONLINEAR_KELVIN_PARAMETERS,
+        HARDENING_SWITCH,
+        "backstress_limit",
+        "initial_backstress",
+        *(own[0] for own in FURTHER_MECHANISMS.values()),
+        "relaxation_exponent",
+        "peak_width",
+    }
+)
+"""Parameters that divide or make a law: at zero the model breaks down, or the law is another one,
+so priors may not pile up there.
+
+The lower bound of zero that the paper prints for the critical strain of olivine is one of these.
+"""
+
+LOWER_LIMITS: Mapping[str, tuple[float, str]] = {
+    "kelvin_stress_exponent": (
+        1.0,
+        "at least 1, a linear dashpot, because below it creep starts infinitely fast",
+    ),
+    "recovery_exponent": (
+        1.0,
+        "at least 1, because below it a small backstress recovers infinitely fast",
+    ),
+    **dict.fromkeys(
+        STRESS_EXPONENTS[1:],
+        (1.0, "at least 1, because below it the rate rises infinitely fast from zero stress"),
+    ),
+}
+"""Lower bounds of parameters that have one beside their sign, and why."""
+
+ENDS_AT_ONE = BELOW_ONE | {"steady_state_fabric_factor", "residual_correlated_share"}
+"""Parameters for which an upper bound of 1 is no choice: a dashpot, no softening, the whole."""

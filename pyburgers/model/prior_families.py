@@ -14,20 +14,20 @@ from typing import TYPE_CHECKING, Any, Literal, Self
 import numpy as np
 from pydantic import Field
 from scipy import stats
-from scipy.special import ndtri_exp
+from scipy.special import ndtr, ndtri_exp
 
 from pyburgers.common.array_types import FloatArray
-from pyburgers.common.errors import InputError, require_type
-from pyburgers.common.toml_files import Table, factor_to_si
-from pyburgers.model.laws import DASHPOT_STRESSES, HARDENING_SWITCH, NONLINEAR_KELVIN_PARAMETERS
+from pyburgers.common.errors import InputError, nearest, require_type
+from pyburgers.common.toml_files import Table, Word, factor_to_si
 from pyburgers.model.parameters import (
-    ALL_ENVIRONMENT_NUMBERS,
     BELOW_ONE,
-    CONDITIONS,
+    BOUNDED_AWAY_FROM_ZERO,
     CONSTANTS,
-    FURTHER_MECHANISMS,
+    ENDS_AT_ONE,
+    LOWER_LIMITS,
+    MAY_BE_ZERO,
     STANDARD_VALUES,
-    STRESS_EXPONENTS,
+    UNSIGNED,
     Parameter,
 )
 
@@ -69,63 +69,8 @@ FAMILIES: Mapping[Family, FamilyRules] = {
     "fixed": FamilyRules(("value",), 0),
 }
 
-MAY_BE_ZERO = frozenset(
-    {"grain_size_exponent", *(name for name, value in STANDARD_VALUES.items() if value == 0.0)}
-)
-"""Parameters that may be fixed at zero."""
-
-UNSIGNED = frozenset(
-    {
-        "beta",
-        "activation_enthalpy",
-        "modulus_temperature_coefficient",
-        "strain_offset",
-        *CONDITIONS,
-        *ALL_ENVIRONMENT_NUMBERS,
-    }
-)
-"""Parameters whose priors may reach below zero."""
-
-BOUNDED_AWAY_FROM_ZERO = frozenset(
-    {
-        "steady_state_fabric_factor",
-        "critical_strain_grain_size",
-        "critical_strain_fabric",
-        *DASHPOT_STRESSES,
-        *NONLINEAR_KELVIN_PARAMETERS,
-        HARDENING_SWITCH,
-        "backstress_limit",
-        "initial_backstress",
-        *(own[0] for own in FURTHER_MECHANISMS.values()),
-        "relaxation_exponent",
-        "peak_width",
-    }
-)
-"""Parameters that divide or make a law: at zero the model breaks down, or the law is another one,
-so priors may not pile up there.
-
-The lower bound of zero that the paper prints for the critical strain of olivine is one of these.
-"""
-
-
-LOWER_LIMITS: Mapping[str, tuple[float, str]] = {
-    "kelvin_stress_exponent": (
-        1.0,
-        "at least 1, a linear dashpot, because below it creep starts infinitely fast",
-    ),
-    "recovery_exponent": (
-        1.0,
-        "at least 1, because below it a small backstress recovers infinitely fast",
-    ),
-    **dict.fromkeys(
-        STRESS_EXPONENTS[1:],
-        (1.0, "at least 1, because below it the rate rises infinitely fast from zero stress"),
-    ),
-}
-"""Lower bounds of parameters that have one beside their sign, and why."""
-
-ENDS_AT_ONE = BELOW_ONE | {"steady_state_fabric_factor", "residual_correlated_share"}
-"""Parameters for which an upper bound of 1 is no choice: a dashpot, no softening, the whole."""
+LEAST_MASS = 1e-12
+"""Of a normal between the bounds of its prior: the programs take it from two numbers up to 1."""
 
 SCORE_AT_BOUND = 8.0
 """Normal score that stands for infinity: of a draw that rounding has put on a bound."""
@@ -236,12 +181,20 @@ class Prior:
     ) -> Self:
         """Return a prior from the numbers of its family; `others` are the remaining fields.
 
+        Raises
+        ------
+        InputError
+            If there is no such family, or it needs other numbers.
+
         Examples
         --------
         >>> prior = pyburgers.Prior.of_family(
         ...     "stress_exponent", "normal", {"location": 3, "scale": 1}, unit="1", source="mine"
         ... )
         """
+        if family not in FAMILIES:
+            raise InputError(f"{parameter}: unknown family {family!r}, {nearest(family, FAMILIES)}")
+        _check_keys(parameter, family, numbers)
         lower = numbers.get("lower", FAMILIES[family].least)
         upper = numbers.get("upper", math.inf)
         if family == "uniform":
@@ -294,7 +247,7 @@ class PriorTable(Table):
     lower: float | None = Field(None, description="the lower bound")
     upper: float | None = Field(None, description="the upper bound")
     value: float | None = Field(None, description="the value of a fixed parameter")
-    read_off: list[str] = Field(
+    read_off: list[Word] = Field(
         default=[],
         description="words in the id, source or DOI of the data that the prior was read off",
     )
@@ -326,7 +279,7 @@ def load_prior(path: Path, parameter: Parameter, table: PriorTable) -> Prior:
         relative_to_max_stress=relative,
         read_off=tuple(table.read_off),
     )
-    _check_prior(where, prior)
+    check_prior(where, prior)
     return prior
 
 
@@ -335,6 +288,14 @@ def fixed_prior(parameter: Parameter, value: float, source: str) -> Prior:
     return Prior.of_family(
         parameter.name, "fixed", {"value": value}, unit=parameter.si_unit, source=source
     )
+
+
+def normal_prior(parameter: Parameter, mean: float, sd: float, source: str) -> Prior:
+    """Return a normal prior (SI), cut at zero where the parameter cannot be negative."""
+    numbers = {"location": mean, "scale": sd}
+    if parameter.name not in UNSIGNED:
+        numbers["lower"] = 0.0
+    return Prior.of_family(parameter.name, "normal", numbers, unit=parameter.si_unit, source=source)
 
 
 def is_standard(priors: Mapping[str, Prior], name: str) -> bool:
@@ -369,16 +330,30 @@ def _scaled(numbers: Mapping[str, float], factor: float, family: Family) -> dict
     }
 
 
-def _check_prior(where: str, prior: Prior) -> None:
-    """Check that a prior is a distribution over values that the model allows."""
+def check_prior(where: str, prior: Prior) -> None:
+    """Check that a prior is a distribution over values that the model allows.
+
+    Raise InputError if it is none; the message begins with `where`, the file and table.
+    """
     if prior.lower >= prior.upper:
         raise InputError(
             f"{where}: key 'lower' is not below key 'upper', found {prior.lower:g} and "
             f"{prior.upper:g} in SI units."
         )
+    for key, found in (("location", prior.location), ("scale", prior.scale)):
+        if not math.isfinite(found) or (key == "scale" and found <= 0 and not prior.is_fixed):
+            expected = "a positive number" if key == "scale" else "a number"
+            raise InputError(f"{where}: key {key!r}: found {found:g}, expected {expected}.")
     if prior.family == "lognormal" and prior.location <= 0:
         raise InputError(
             f"{where}: key 'location': found {prior.location:g}, expected a positive median."
+        )
+    if prior.family == "normal" and not (mass := _mass_inside(prior)) >= LEAST_MASS:
+        raise InputError(
+            f"{where}: its bounds, {prior.lower:g} to {prior.upper:g} in SI units, hold {mass:.1g} "
+            f"of the mass of a normal with mean {prior.location:g} and standard deviation "
+            f"{prior.scale:g}, expected at least {LEAST_MASS:g}; check both, or use family "
+            "'uniform'."
         )
     if prior.parameter not in UNSIGNED:
         _check_sign(where, prior)
@@ -398,7 +373,15 @@ def _check_prior(where: str, prior: Prior) -> None:
         raise InputError(f"{where}: key {key!r}: found {found:g}, expected less than 1.")
 
 
-def check_beta(where: str, prior: Prior) -> None:
+def _mass_inside(prior: Prior) -> float:
+    """Share of a normal that lies between the bounds of its prior, also far in its tails."""
+    below, above = ((end - prior.location) / prior.scale for end in (prior.lower, prior.upper))
+    if below > 0:
+        below, above = -above, -below
+    return float(ndtr(above) - ndtr(below))
+
+
+def check_beta(where: str, prior: Prior, material: str) -> None:
     """Refuse the sign of beta that Table 1 of the paper prints for ice.
 
     Raise InputError if beta is not negative. The prior is of beta of a power-law dashpot: A of a
@@ -409,10 +392,15 @@ def check_beta(where: str, prior: Prior) -> None:
     key = {"uniform": "upper", "half_normal": "family", "fixed": "value"}.get(
         prior.family, "location"
     )
-    raise InputError(
-        f"{where}: key {key!r} puts beta at {prior.location:g} mol/J, expected a negative value: "
+    why = (
         "Table 1 of the paper prints +7.29e-4 mol/J for ice, which in SI units gives strain rates "
         "of about 1e35 1/s at laboratory stress, so the sign is a misprint; use -7.29e-4."
+        if material == "ice"
+        else "beta is ln(A)/Q_M, and A of a power law is far below 1 in SI units; check its sign."
+    )
+    raise InputError(
+        f"{where}: key {key!r} puts beta at {prior.location:g} mol/J, expected a negative value: "
+        f"{why}"
     )
 
 

@@ -1,7 +1,6 @@
 """Sets of priors: of all parameters for one material, and their TOML files."""
 
 import importlib.resources
-import logging
 from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, partial
@@ -16,7 +15,7 @@ from pydantic import Field
 from pyburgers.common.atomic_files import write_text
 from pyburgers.common.errors import InputError, nearest, require_type
 from pyburgers.common.paths import given_path, shipped_folder
-from pyburgers.common.toml_files import Table, all_of, read_toml, toml_text
+from pyburgers.common.toml_files import Material, Table, all_of, read_toml, toml_text
 from pyburgers.model.flow_law_prior import FlowLawPrior, FlowLawTable
 from pyburgers.model.parameters import (
     CONDITIONS,
@@ -32,19 +31,22 @@ from pyburgers.model.parameters import (
 from pyburgers.model.plausible import PlausibleRanges
 from pyburgers.model.prior_families import (
     MAX_STRESS,
-    UNSIGNED,
     Prior,
     PriorTable,
     check_beta,
+    check_prior,
     fixed_prior,
     is_fixed_at,
     load_prior,
+    normal_prior,
 )
-
-logger = logging.getLogger(__name__)
 
 FLOW_LAW = ("stress_exponent", "grain_size_exponent", "activation_enthalpy", "beta")
 """Parameters that a joint prior of the flow law is about."""
+
+NEARLY = 0.15
+"""Standard deviations by which a stated prior may differ from a marginal of the flow law and stay:
+a saved one is rounded, and a file may say more of its source."""
 
 JOINT_PRIOR = "flow_law"
 """Stands for the joint prior of the flow law among the priors of single parameters."""
@@ -131,12 +133,24 @@ class PriorSet:
     def exchanging(self, *changed: Prior) -> "PriorSet":
         """Return the set with priors exchanged or added, in the order of the programs.
 
+        Raises
+        ------
+        InputError
+            If there is no such parameter, or a prior is none that a file could hold.
+
         Examples
         --------
         >>> ice = pyburgers.priors("ice").exchanging(priors["beta"])
         """
-        merged = {**self.priors, **{prior.parameter: prior for prior in changed}}
+        where, new = f"priors of {self.material}", {prior.parameter: prior for prior in changed}
+        for name, prior in new.items():
+            if name not in PARAMETER_BY_NAME:
+                known = nearest(name, PARAMETER_BY_NAME)
+                raise InputError(f"{where}: unknown parameter {name!r}, {known}")
+            check_prior(f"{where}: [parameters.{name}]", prior)
+        merged = {**self.priors, **new}
         ordered = {p.name: merged[p.name] for p in PROGRAM_PARAMETERS if p.name in merged}
+        _check_together(where, self.material, ordered, new)
         return replace(self, priors=MappingProxyType(ordered))
 
     def with_(self, **changed: PriorTable) -> "PriorSet":
@@ -168,8 +182,7 @@ class PriorSet:
         found = self.exchanging(
             *(load_prior(where, PARAMETER_BY_NAME[name], table) for name, table in changed.items())
         )
-        _check_together(where, found.priors)
-        return found
+        return replace(found, title=f"{self.title}; changed: {', '.join(changed)}")
 
     def plot(self) -> Any:
         """Draw the density of every prior that is not fixed (`pyburgers.plot_priors`).
@@ -197,7 +210,8 @@ class PriorSet:
         --------
         >>> ice = pyburgers.priors("ice").resolved(max_stress=2e6)
         """
-        return self.exchanging(*(prior.resolved(max_stress) for prior in self.priors.values()))
+        resolved = {name: prior.resolved(max_stress) for name, prior in self.priors.items()}
+        return replace(self, priors=MappingProxyType(resolved))
 
 
 def with_flow_law(priors: PriorSet, flow_law: FlowLawPrior, where: str) -> PriorSet:
@@ -233,16 +247,16 @@ def with_flow_law(priors: PriorSet, flow_law: FlowLawPrior, where: str) -> Prior
             "law free where a joint prior takes its place."
         )
     source = f"Marginal of the joint prior of the flow law, {flow_law.source}"
-    marginals = (
-        Prior.of_family(
-            name,
-            "normal",
-            {"location": mean, "scale": spread, **({} if name in UNSIGNED else {"lower": 0.0})},
-            unit=PARAMETER_BY_NAME[name].si_unit,
-            source=source,
-        )
-        for name, (mean, spread) in flow_law.marginals().items()
-    )
+    marginals = [
+        normal_prior(PARAMETER_BY_NAME[name], *moments, source)
+        for name, moments in flow_law.marginals().items()
+    ]
+    check_beta(f"{where}: the mean of beta", marginals[-1], flow_law.material)
+    for k, one in enumerate(marginals):
+        stated, width = priors[one.parameter], NEARLY * one.scale
+        means, spreads = abs(stated.location - one.location), abs(stated.scale - one.scale)
+        if stated.family == "normal" and max(means, spreads) < width:
+            marginals[k] = stated
     return replace(
         priors.exchanging(*marginals),
         title=f"{priors.title}; flow law from {flow_law.source}",
@@ -250,16 +264,8 @@ def with_flow_law(priors: PriorSet, flow_law: FlowLawPrior, where: str) -> Prior
     )
 
 
-def note_other_material(priors: PriorSet, material: str) -> None:
-    """Log a note where priors are not of the material of a test."""
-    if priors.material != material:
-        logger.info(
-            f"note: {priors.title!r} are priors of {priors.material}, the data are of {material}."
-        )
-
-
 class _PriorFile(Table):
-    material: str = Field(min_length=1, description="the material, such as ice")
+    material: Material
     title: str = Field(min_length=1, description="a title for tables and figures")
     notes: str | None = Field(None, description="remarks for the reader")
     plausible: PlausibleRanges = Field(
@@ -319,18 +325,19 @@ def load_priors(path: str | Path, choices: Mapping[str, str] | None = None) -> P
         for p in MATERIAL_PARAMETERS
         if p.name in file.parameters or p.name in needless
     }
-    _check_together(path, priors)
-    flow_law = None
-    if file.flow_law is not None:
-        flow_law = file.flow_law.flow_law_prior(file.material, f"{path}: [flow_law]")
-    return PriorSet(
+    _check_together(str(path), file.material, priors, priors)
+    found = PriorSet(
         material=file.material,
         title=file.title,
         priors=MappingProxyType(priors),
         name=path.stem,
         notes=file.notes,
-        flow_law=flow_law,
     )
+    if file.flow_law is None:
+        return found
+    where = f"{path}: [flow_law]"
+    law = file.flow_law.flow_law_prior(file.material, where)
+    return replace(with_flow_law(found, law, where), title=file.title)
 
 
 def save_priors(priors: PriorSet, path: Path) -> None:
@@ -466,16 +473,19 @@ def _require_table(
     )
 
 
-def _check_together(path: Path, priors: Mapping[str, Prior]) -> None:
-    """Check the sign of beta, and ask for what a parameter of a variant has no meaning without."""
-    if not is_fixed_at(priors["stress_exponent"], 1.0):
-        check_beta(f"{path}: [parameters.beta]", priors["beta"])
+def _check_together(
+    where: str, material: str, priors: Mapping[str, Prior], new: Container[str]
+) -> None:
+    """Check the sign of a new beta, and ask for what a parameter of a variant needs beside it."""
+    is_new = "beta" in new or "stress_exponent" in new
+    if is_new and not is_fixed_at(priors["stress_exponent"], 1.0):
+        check_beta(f"{where}: [parameters.beta]", priors["beta"], material)
     for name, others in GIVEN_TOGETHER.items():
         standard = STANDARD_VALUES[name]
         in_use = name in priors and not is_fixed_at(priors[name], standard)
         for other in others:
             if in_use and other not in priors:
                 raise InputError(
-                    f"{path}: table [parameters.{other}] is missing, expected a prior or a fixed "
+                    f"{where}: table [parameters.{other}] is missing, expected a prior or a fixed "
                     f"value because {name} is not fixed at {standard:g}."
                 )

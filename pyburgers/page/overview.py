@@ -131,7 +131,8 @@ def entry_of(
         "in 90 % band": f"{100.0 * coverage(fit.posterior):.0f} %",
         CONFLICT_COLUMN: _conflicts_text(influences),
     }
-    said = disagreement(influences), decision_sentences(influences)
+    to_mind = (*fit.prior_doubts, *decision_sentences(influences))
+    said = disagreement(influences), to_mind
     return Entry(key, name, kind == "synthetic", answered, tuple(checks), *said, row)
 
 

@@ -15,6 +15,7 @@ from pyburgers.checks.prior_influence import CONFLICT_MEANING
 from pyburgers.common.atomic_files import write_json, write_text
 from pyburgers.common.csv_tables import csv_text
 from pyburgers.common.errors import InputError, require_type
+from pyburgers.common.messages import printable
 from pyburgers.common.paths import given_path
 from pyburgers.common.toml_files import read_json
 from pyburgers.drawing.page_parts import PageSection
@@ -303,6 +304,7 @@ def render_page(
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
+        finalize=lambda one: type(one)(printable(one)) if isinstance(one, str) else one,
     )
     environment.filters["terms"] = with_definitions
     sections = [section for group in groups for section in group.sections]

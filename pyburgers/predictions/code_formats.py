@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from pyburgers.common.array_types import FloatArray
-from pyburgers.common.csv_tables import comment_lines, csv_text
+from pyburgers.common.csv_tables import comment_lines, csv_text, in_one_line
 from pyburgers.common.draws import all_draws
 from pyburgers.common.errors import InputError
 from pyburgers.fitting.fit import Fit
@@ -72,7 +72,7 @@ class CreepFormat:
         if not self.comment:
             quoted = json.dumps(lines, ensure_ascii=False)
             return "\n".join(body).replace('"NOTES"', quoted) + "\n"
-        return "\n".join([*(f"{self.comment} {line}" for line in lines), *body]) + "\n"
+        return "\n".join([*(f"{self.comment} {in_one_line(one)}" for one in lines), *body]) + "\n"
 
 
 def _is_linear(law: CreepLaw) -> bool:

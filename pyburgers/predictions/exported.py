@@ -13,7 +13,7 @@ import pandas as pd
 
 from pyburgers.checks.prior_influence import Origin, decision_columns, decision_text, symbol_of
 from pyburgers.common.array_types import FloatArray
-from pyburgers.common.csv_tables import csv_text
+from pyburgers.common.csv_tables import csv_text, in_one_line
 from pyburgers.common.draws import all_draws
 from pyburgers.common.units import rounded
 from pyburgers.fitting.fit import Fit
@@ -25,8 +25,7 @@ from pyburgers.kinds.conditions import ENVIRONMENT_WORDS, Ranges, ranges_text, w
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.model.arrhenius import GAS_CONSTANT
 from pyburgers.model.display import shown_quantity, unit_text
-from pyburgers.model.parameters import CONDITIONS, ENVIRONMENT, RESIDUAL_CORRELATION
-from pyburgers.model.prior_families import UNSIGNED
+from pyburgers.model.parameters import CONDITIONS, ENVIRONMENT, RESIDUAL_CORRELATION, UNSIGNED
 from pyburgers.model.priors import FLOW_LAW, JOINT_PRIOR
 from pyburgers.model.read_quantities import BY_NOISE
 from pyburgers.posterior.labelled_draws import own_name
@@ -285,12 +284,15 @@ def as_csv(one: Exported) -> str:
 def as_latex(one: Exported) -> str:
     """Return a booktabs table of means and sd in display units, with correlations."""
     free = [k for k, sd in enumerate(one.sd) if sd > 0]
+    notes = [
+        f"{one.test}, {one.material}, model {one.variant}",
+        f"sampled well: {one.sampled_well}, describes the data: {one.describes_data}",
+        f"conditions of the fitted tests: {one.conditions}",
+        *one.notes,
+        *_law_lines(one.laws),
+    ]
     lines = [
-        f"% {one.test}, {one.material}, model {one.variant}",
-        f"% sampled well: {one.sampled_well}, describes the data: {one.describes_data}",
-        f"% conditions of the fitted tests: {one.conditions}",
-        *(f"% {note}" for note in one.notes),
-        *(f"% {line}" for line in _law_lines(one.laws)),
+        *(f"% {in_one_line(note)}" for note in notes),
         rf"\begin{{tabular}}{{llrl{'r' * len(free)}}}",
         r"\toprule",
         " & ".join(

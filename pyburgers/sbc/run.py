@@ -30,12 +30,13 @@ from pyburgers.fitting.problem_run import (
     settled_options,
     write_inputs,
 )
+from pyburgers.kinds.conditions import tell_doubts
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.problem import Problem, problem_of
 from pyburgers.kinds.program_data import program_data
 from pyburgers.kinds.stan_data import SolverOptions
 from pyburgers.kinds.together import pooling_for
-from pyburgers.model.priors import PriorSet, note_other_material
+from pyburgers.model.priors import PriorSet
 from pyburgers.sampling.manifest import COMPLETE, PoolingRecord, RecordedHashes, SamplerRecord
 from pyburgers.sampling.options import INDECISIVE, recorded_options
 from pyburgers.sampling.run import decisive, files_in, made_now_by, origin_record
@@ -169,7 +170,7 @@ def calibrate(
     tests = [templates] if isinstance(templates, Experiment) else list(templates)
     problem = problem_of(tests, priors, pooling_for(tests, pool))
     check_template(problem, plan.strain_range)
-    note_other_material(priors, tests[0].material)
+    tell_doubts((priors, tests))
     sampler = replace(settled_options(problem, plan.sampler), parallel_chains=1)
     plan = replace(plan, sampler=sampler)
     identity = _fingerprint(problem, plan, load_program(problem.likelihood.program).recipe)

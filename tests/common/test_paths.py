@@ -51,6 +51,7 @@ def test_messages_show_paths_from_the_working_folder(home: Path) -> None:
     )
     for text in (f"{here}/~/x", f"{home}/x", f"/other{here}/x", f"{here}s"):
         assert shown(text) == text
+    assert shown(f"{here}/-x: found") == "./-x: found"
     assert shown(f"--out {here}: it is a folder") == "--out .: it is a folder"
 
 

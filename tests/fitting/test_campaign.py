@@ -1,7 +1,9 @@
 """`pyburgers campaign`: every combination of a plan, in parts, continued, refused, on one page."""
 
 import json
+import logging
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pandas as pd
@@ -12,7 +14,7 @@ from refusals import assert_refused
 from same_contents import contents
 
 from pyburgers.cli.main import main
-from pyburgers.fitting.campaign import load_campaign
+from pyburgers.fitting.campaign import load_campaign, task_of
 from pyburgers.fitting.fit import Fit
 from pyburgers.kinds.kind import save_experiment
 from pyburgers.model.priors import save_priors
@@ -211,6 +213,19 @@ def test_a_plan_is_every_combination(make_plan: MakePlan) -> None:
     assert next(iter(tasks)).name == f"other-standard-d-seed{SMALL_RUN.seed}"
     assert {task.options.seed for task in tasks.values()} == {SMALL_RUN.seed, 12}
     assert {task.options.draws for task in tasks.values()} == {SMALL_RUN.draws}
+
+
+def test_doubts_about_priors_are_told_once(
+    make_plan: MakePlan, small_problem: Problem, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level(logging.INFO, "pyburgers")
+    odd = replace(small_problem.priors, material="olivine")
+    plan = make_plan()
+    save_priors(odd, plan.parent / "inputs" / "priors.toml")
+    load_campaign(plan)
+    task_of(small_problem.experiment, odd, SMALL_RUN)
+    said = [one for one in caplog.messages if "are priors of olivine" in one]
+    assert len(said) == 2
 
 
 @pytest.mark.parametrize(

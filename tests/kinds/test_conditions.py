@@ -11,6 +11,7 @@ from refusals import refusal
 from pyburgers import normal
 from pyburgers.common.errors import InputError
 from pyburgers.fitting.charts_at_modes import share_values
+from pyburgers.kinds.conditions import prior_doubts
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment
 from pyburgers.kinds.constant_rate.files import load_constant_rate
 from pyburgers.kinds.constant_rate.likelihood import LIKELIHOOD as CONSTANT_RATE
@@ -83,6 +84,20 @@ def test_without_them_nothing_is_added() -> None:
     for name in (TEMPERATURE, CALIBRATION):
         k = PLACE[name] - 1
         assert data["prior_family"][0][k] == data["prior_location"][0][k] == 0
+
+
+def test_priors_whose_dashpot_flows_far_from_the_data_are_told() -> None:
+    """Q_M and beta of two flow laws: each number is likely, the stress is not."""
+    ice, test = default_priors("ice"), load_constant_rate(ICE / "PIL40.toml")
+    assert prior_doubts(ice, [test]) == ()
+    for enthalpy in (40, 110):
+        far = ice.with_(activation_enthalpy=normal(enthalpy, 0.2, "kJ/mol"))
+        (said,) = prior_doubts(far, [test])
+        assert said.startswith("PIL40: with these priors the dashpot flows at ")
+        assert said.endswith("the data reach 8 MPa: check n, Q_M and beta together.")
+    elastic = replace(test, strain=1e-4 * test.strain, stress=1e-2 * test.stress)
+    slow = ice.with_(activation_enthalpy=normal(80, 0.2, "kJ/mol"))
+    assert prior_doubts(slow, [elastic]) == ()
 
 
 def test_tests_of_one_furnace_share_one_error() -> None:

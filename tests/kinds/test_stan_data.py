@@ -188,3 +188,12 @@ def test_index_tables_say_what_each_coordinate_stands_for() -> None:
     every += [*data["centre_position"], *data["spread_position"]]
     assert sorted(every) == list(range(1, layout.size + 1))
     assert data["replaced_parameter"] == [INDEX["activation_enthalpy"], 0]
+
+
+def test_a_reference_too_small_for_a_number_has_a_coordinate() -> None:
+    coordinates = plain_coordinates(experiment([0.01, 0.02]), ice())
+    values = {name: ice()[name].sample(np.random.default_rng(1)) for name in ice().free}
+    place = coordinates.quantities.index(REFERENCE_STRESS)
+    assert coordinates.at(values, -1000.0)[place] < coordinates.at(values, -900.0)[place]
+    given = coordinates.at({**values, REFERENCE_STRESS: 2e6})
+    np.testing.assert_allclose(coordinates.at(values, float(np.log(2e6))), given)

@@ -1,6 +1,5 @@
 """Prior files: the tables of the paper with their corrections, and what is refused."""
 
-import logging
 import math
 import tomllib
 from collections.abc import Callable
@@ -21,7 +20,6 @@ from pyburgers.model.prior_families import Prior
 from pyburgers.model.priors import (
     default_priors,
     load_priors,
-    note_other_material,
     save_priors,
     shipped_prior_files,
 )
@@ -249,14 +247,34 @@ def test_a_wrong_covariance_of_the_flow_law_is_refused(
     assert expected in refusal(path, load_priors)
 
 
-def test_priors_of_another_material_are_told(caplog: pytest.LogCaptureFixture) -> None:
-    caplog.set_level(logging.INFO, "pyburgers")
-    note_other_material(default_priors("ice"), "ice")
-    assert caplog.messages == []
-    note_other_material(default_priors("ice"), "olivine")
-    (said,) = caplog.messages
-    assert said.startswith("note: ")
-    assert said.endswith("are priors of ice, the data are of olivine.")
+def test_a_flow_law_of_a_file_replaces_the_single_priors(tmp_path: Path) -> None:
+    table = tomllib.loads(shipped_prior_files()["ice"].read_text(encoding="utf-8"))
+    halite = tomllib.loads(shipped_prior_files()["halite"].read_text(encoding="utf-8"))
+    law, path = halite["flow_law"], tmp_path / "ice.toml"
+    table["flow_law"] = law
+    path.write_text(tomli_w.dumps(table), encoding="utf-8")
+    priors = load_priors(path)
+    assert priors.title == table["title"]
+    exponent = priors["stress_exponent"]
+    assert (exponent.family, exponent.location) == ("normal", law["mean"][0])
+    law["mean"][3] = -law["mean"][3]
+    path.write_text(tomli_w.dumps(table), encoding="utf-8")
+    assert "the mean of beta: key 'location'" in refusal(path, load_priors)
+    law["mean"][3] = -law["mean"][3]
+    fixed = {"family": "fixed", "value": 3.0, "unit": "1", "source": "mine"}
+    table["parameters"]["stress_exponent"] = fixed
+    path.write_text(tomli_w.dumps(table), encoding="utf-8")
+    assert "[flow_law]: stress_exponent is fixed" in refusal(path, load_priors)
+
+
+def test_only_ice_has_the_misprint_of_beta(tmp_path: Path) -> None:
+    table = tomllib.loads(shipped_prior_files()["olivine"].read_text(encoding="utf-8"))
+    table["parameters"]["beta"]["location"] *= -1
+    path = tmp_path / "olivine.toml"
+    path.write_text(tomli_w.dumps(table), encoding="utf-8")
+    said = refusal(path, load_priors)
+    assert "7.29e-4" not in said
+    assert "A of a power law is far below 1" in said
 
 
 def test_priors_compare_by_value_whatever_the_unit_written() -> None:

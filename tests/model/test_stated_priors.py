@@ -65,6 +65,10 @@ def test_stated_priors_are_those_that_a_file_keeps(tmp_path: Path) -> None:
         (lambda: {"beta": pyburgers.normal(1, -1, "mol/J")}, "normal: key 'scale': found -1"),
         (lambda: {"maxwell_modulus": pyburgers.normal(4, 2, "GPa")}, "found no lower bound"),
         (lambda: {"maxwell_modulus": pyburgers.uniform(3, 1, "GPa")}, "'lower' is not below"),
+        (
+            lambda: {"maxwell_modulus": pyburgers.normal(4, 0.05, "GPa", lower=6.5)},
+            "hold 0 of the mass of a normal with mean 4e.09 and standard deviation 5e.07",
+        ),
     ],
 )
 def test_a_prior_that_no_file_may_hold_is_refused(
@@ -72,6 +76,33 @@ def test_a_prior_that_no_file_may_hold_is_refused(
 ) -> None:
     with pytest.raises(InputError, match=words):
         pyburgers.priors("ice").with_(**state())
+
+
+def test_a_prior_in_memory_is_checked_as_one_of_a_file() -> None:
+    ice = pyburgers.priors("ice")
+
+    def prior(name: str, **numbers: float) -> pyburgers.Prior:
+        return pyburgers.Prior.of_family(name, "normal", numbers, unit="1", source="mine")
+
+    for name, location, scale, words in (
+        ("stress_exponant", 3.0, 1.0, "did you mean 'stress_exponent'"),
+        ("stress_exponent", 3.0, 1.0, "found no lower bound"),
+        ("activation_enthalpy", 6e4, -1.0, "key 'scale': found -1"),
+        ("beta", 7e-4, 1e-6, "expected a negative value"),
+        ("kelvin_activation_enthalpy", 6e4, 1e3, "found no lower bound"),
+    ):
+        with pytest.raises(InputError, match=words):
+            ice.exchanging(prior(name, location=location, scale=scale))
+    with pytest.raises(InputError, match="key 'scale' is missing"):
+        prior("beta", location=-7e-4)
+    with pytest.raises(InputError, match="unknown family 'gamma'"):
+        pyburgers.Prior.of_family("beta", "gamma", {}, unit="1", source="x")  # type: ignore[arg-type]
+
+
+def test_a_title_says_which_priors_were_changed() -> None:
+    ice = pyburgers.priors("ice")
+    changed = ice.with_(stress_exponent=pyburgers.fixed(3, "1"))
+    assert changed.title == f"{ice.title}; changed: stress_exponent"
 
 
 def test_priors_are_drawn_and_shown_in_a_line() -> None:

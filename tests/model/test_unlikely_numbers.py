@@ -7,8 +7,8 @@ import pytest
 
 import pyburgers
 from pyburgers.common.paths import shipped_folder
-from pyburgers.model.prior_families import Prior
-from pyburgers.model.priors import PriorSet, load_priors, shipped_prior_files
+from pyburgers.model.prior_families import Prior, PriorTable
+from pyburgers.model.priors import PriorSet, load_priors, shipped_prior_files, with_flow_law
 from pyburgers.model.unlikely_numbers import unlikely_numbers, unlikely_priors
 
 
@@ -72,6 +72,46 @@ def test_a_normal_prior_outside_its_bounds_is_told() -> None:
     far = replace(usual, lower=usual.location + 17 * usual.scale)
     said = unlikely_priors(with_prior("activation_enthalpy", far))
     assert any("standard deviations outside its own bounds" in one for one in said)
+
+
+@pytest.mark.parametrize(
+    ("name", "stated", "words"),
+    [
+        ("beta", pyburgers.normal(-7e-4, 1e-2, "mol/J"), "gives 47% to positive values"),
+        ("beta", pyburgers.uniform(-1e-2, 9e-3, "mol/J"), "gives 47% to positive values"),
+        ("activation_enthalpy", pyburgers.normal(65, 2000, "kJ/mol"), "not positive"),
+        ("activation_enthalpy", pyburgers.fixed(0, "kJ/mol"), "gives 100% to values"),
+        ("critical_strain_fabric", pyburgers.uniform(1, 50, "fraction"), "check its unit"),
+        ("stress_noise", pyburgers.half_normal(5, "max_stress"), "3.4 times the largest stress"),
+    ],
+)
+def test_priors_against_the_model_are_told(name: str, stated: PriorTable, words: str) -> None:
+    (said,) = unlikely_priors(pyburgers.priors("ice").with_(**{name: stated}))
+    assert said.startswith(f"{name}: ")
+    assert words in said
+
+
+def test_priors_of_another_material_are_told() -> None:
+    ice = pyburgers.priors("ice")
+    assert unlikely_priors(ice, "ice") == []
+    (said,) = unlikely_priors(ice, "olivine")
+    assert said.endswith("are priors of ice, the data are of olivine.")
+
+
+def test_a_flow_law_is_compared_too() -> None:
+    law = pyburgers.priors("halite").flow_law
+    assert law is not None
+    far = replace(law, mean=law.mean * [1.0, 1.0, 40.0, 1.0])
+    halite = with_flow_law(pyburgers.priors("halite"), far, "here")
+    assert any(one.startswith("activation_enthalpy: ") for one in unlikely_priors(halite))
+
+
+RATE_LAWS = sorted((shipped_folder("data") / "priors" / "rates").glob("*.toml"))
+
+
+@pytest.mark.parametrize("file", RATE_LAWS, ids=lambda file: file.stem)
+def test_shipped_rate_laws_are_likely(file: Path) -> None:
+    assert unlikely_priors(pyburgers.load_rate_law(file).priors) == []
 
 
 def test_numbers_of_an_unknown_material_cannot_be_doubted() -> None:

@@ -442,8 +442,9 @@ def prior_file(folder: Path, tables: dict[str, str], priors: PriorSet | None = N
 def test_prior_files_may_name_the_parameters_of_variants(tmp_path: Path) -> None:
     """Those of the tables, and all others with their weak priors."""
     freed = priors_of_freed_parameters().items()
-    others = (prior for name, prior in freed if name not in VARIANT_TABLES)
-    ice = default_priors("ice").exchanging(*others)
+    others = {name: prior for name, prior in freed if name not in VARIANT_TABLES}
+    ice = default_priors("ice")
+    ice = replace(ice, priors={**ice.priors, **others})
     priors = load_priors(prior_file(tmp_path, VARIANT_TABLES, ice))
     names = [p.name for p in MATERIAL_PARAMETERS if p.name not in ALL_ENVIRONMENT_NUMBERS]
     assert list(priors.priors) == names

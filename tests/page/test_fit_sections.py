@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 from conftest import sketch_pictures
 from page import Page
-from synthetic_fit import make_fit
+from synthetic_fit import make_fit, with_problem
 
 from pyburgers.checks.fit_checks import CheckKind, Outcome
 from pyburgers.fitting.fit import Fit
@@ -121,6 +121,18 @@ def test_parameters_move_between_fits_that_were_sampled_well(sections: list[Sect
     moves, left_out = SameData((good, failed, again)).shifts
     assert moves.startswith("From good to again parameters move by")
     assert left_out == "Left out, because the posterior was not sampled well: failed."
+
+
+def test_unlikely_priors_are_to_mind(fits: Mapping[str, Fit], tmp_path: Path) -> None:
+    fit = fits["good"]
+    assert not any("priors of" in one for one in fit.cautions)
+    odd = with_problem(fit, fit.experiment, replace(fit.priors, material="halite"))
+    said = odd.prior_doubts[0]
+    assert said.endswith("are priors of halite, the data are of ice.")
+    assert f"Priors: {said}" in odd.cautions
+    assert said in odd.prior_decisions()
+    (tmp_path / "tables").mkdir()
+    assert said in write_section("odd", "odd", odd, tmp_path).entry.decisions
 
 
 def test_what_is_the_priors_is_named_below_the_table(sections: list[Section]) -> None:

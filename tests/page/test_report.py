@@ -71,7 +71,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def fits(folder: Path) -> list[Fit]:
     """A synthetic test whose checks fail and a measured one that passes."""
     failing = small_fit(folder / "runs" / "A", divergences=5, apart=3.0)
-    hostile = Provenance("measured", HOSTILE, doi='10.1/x" onload="y', notes=HOSTILE)
+    hostile = Provenance("measured", HOSTILE, doi='10.1/x" onload="y', notes=f"{HOSTILE} \u202e")
     passing = small_fit(
         folder / "runs" / "B",
         "B",
@@ -153,6 +153,8 @@ def test_strings_from_files_are_escaped(folder: Path, page: Page) -> None:
     raw = (folder / "page" / "index.html").read_text(encoding="utf-8")
     assert raw.count("<script>") == 1
     assert HOSTILE not in raw
+    assert "\u202e" not in raw
+    assert r"\u202e" in raw
     assert 'onload="y' not in raw
     assert page.text.count(HOSTILE) >= 5
 

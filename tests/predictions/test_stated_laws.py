@@ -22,8 +22,9 @@ from pyburgers.kinds.program_data import given_parameters
 from pyburgers.kinds.stan_data import SolverOptions
 from pyburgers.model.arrhenius import GAS_CONSTANT
 from pyburgers.model.laws import DASHPOT_LAWS
+from pyburgers.predictions.code_formats import CREEP_FORMATS
 from pyburgers.predictions.exported import LOG_FACTOR, Exported, as_json, as_latex
-from pyburgers.predictions.stated_laws import laws_of
+from pyburgers.predictions.stated_laws import CreepLaw, laws_of
 
 pytestmark = pytest.mark.usefixtures("programs")
 
@@ -194,3 +195,13 @@ def test_latex_states_the_same_laws() -> None:
     text = as_latex(one)
     assert f"% flow_law: {DASHPOT_LAWS['hyperbolic_sine'].flow_law}\n" in text
     assert "% microstructure steady fabric_factor: steady_state_fabric_factor\n" in text
+
+
+def test_notes_of_files_end_with_their_line() -> None:
+    """A path or a title with a line end would be a line of input."""
+    text = CREEP_FORMATS["pism"].text(
+        CreepLaw(-30.0, 3.0, 0.0, 6e4, 1e-3, 1.0), "x", ["run a\n-evil 1"], {}
+    )
+    assert "# run a -evil 1\n" in text
+    latex = as_latex(replace(exported(creep(1.0), {**TRUTH, **SINE}), variant="a\n\\input{b}"))
+    assert "\n\\input" not in latex

@@ -240,11 +240,12 @@ def test_elements_are_as_many_as_the_priors_ask_for() -> None:
     one = {"n_elements": 1, "element": [[0.0, 0.0, 1.0]]}
     assert elements_block([(test, priors), (None, priors)]) == one
     fixed = {p.name: p for p in PROGRAM_PARAMETERS}
+    exponent = fixed_prior(fixed["relaxation_exponent"], 0.3, "x")
     wide, narrow = (
-        elements_block(
-            [(test, priors.exchanging(fixed_prior(fixed["relaxation_time_decades"], d, "x")))]
+        elements_block([(test, priors.exchanging(decades, exponent))])
+        for decades in (
+            fixed_prior(fixed["relaxation_time_decades"], value, "x") for value in (8.0, 4.0)
         )
-        for d in (8.0, 4.0)
     )
     assert wide["n_elements"] > 1.5 * narrow["n_elements"]
 

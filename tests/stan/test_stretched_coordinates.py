@@ -1,5 +1,6 @@
 """Stretched coordinates of tables of attenuation: the same posterior, and as wide as they say."""
 
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -14,7 +15,7 @@ from truth_as_mode import at_truth
 from pyburgers.cmdstan.program import Density, load_program
 from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
 from pyburgers.kinds.attenuation.files import load_attenuation
-from pyburgers.kinds.attenuation.likelihood import StretchedChart, StretchedReference
+from pyburgers.kinds.attenuation.likelihood import WIDE, StretchedChart, StretchedReference
 from pyburgers.kinds.likelihood import AtMode, ChartUnsuited, likelihoods
 from pyburgers.kinds.problem import problem_of
 from pyburgers.kinds.program_data import chart_block, program_data
@@ -87,6 +88,14 @@ def test_coordinates_are_as_wide_with_a_dashpot_as_without(scatter: float) -> No
         others = np.delete(widths, flow)
         assert others.min() > 0.5
         assert others.max() < 2.0
+
+
+def test_a_prior_without_curvature_leaves_the_flow_rate_a_wide_range() -> None:
+    test, reference, centre = set_up("linear")
+    upwards = -np.eye(centre.size)
+    wide, _ = StretchedChart().reference(replace(test, curvature=lambda **_: upwards))
+    assert reference.log_width != WIDE
+    assert wide.log_width == WIDE
 
 
 def test_the_density_of_two_tables_is_that_in_plain_coordinates(tmp_path: Path) -> None:

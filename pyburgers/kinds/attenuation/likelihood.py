@@ -33,6 +33,9 @@ SEEN = (1e-3, 1.0 / SMALL_SHARE)
 """Least and largest flow rate, in the same units, from which on it may count by itself."""
 
 
+WIDE = 20.0
+"""Width of ln(flow rate) where the prior density curves upwards at the mode, as a uniform may."""
+
 UNSHIFTED = (
     "stress_exponent",
     "grain_size_exponent",
@@ -136,11 +139,12 @@ def _reference(test: AtMode[AttenuationExperiment]) -> StretchedReference:
     log_rate = float(at_mode["log_reference"][0])
     log_small = log_rate - float(at_mode["log_dashpot_share"][0]) + np.log(SMALL_SHARE)
     log_asked = max(log_rate, log_small)
-    prior_width = float(np.sqrt(np.linalg.inv(test.curvature(use_likelihood=0))[flow, flow]))
+    variance = np.linalg.inv(test.curvature(use_likelihood=0))[flow, flow]
+    prior_width = float(test.coordinates.scale[flow] * np.sqrt(variance)) if variance > 0 else WIDE
     asked = StretchedReference(
         log_asked,
         float(np.exp(log_rate - log_asked)),
-        max(1.0, prior_width * float(test.coordinates.scale[flow])),
+        max(1.0, prior_width),
         float(at_mode["log_middle_time"][0]),
         np.ones(n),
         np.zeros(n),
@@ -193,13 +197,10 @@ FLOW_RATE_ORIGIN = 1e-7
 QUADRATURE_HALF_WIDTH, QUADRATURE_STEPS = 3.2, 32
 """Of the double exponential rule on each part of half a period: good to 1e-12, kink or none."""
 
-
 NO_ERROR = 1e-12
 """Stated error of a solution, which may have no scatter either: a normal law needs some width."""
 
-
 NO_NODES = np.empty((0, 2))
-
 
 NO_CONVERSION = (1.0, 0.0, 1.0)
 """Of a test that is no table, where it has no effect (`Elasticity.conversion`)."""

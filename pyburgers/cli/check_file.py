@@ -21,6 +21,7 @@ from pyburgers.flow_law_tables.tables import RateTable
 from pyburgers.kinds.conditions import doubts
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.kind import load_experiment
+from pyburgers.kinds.loading_history.driver import ARE_USED
 from pyburgers.model.priors import PriorSet, load_priors
 from pyburgers.model.unlikely_numbers import unlikely_priors
 
@@ -81,7 +82,9 @@ def check(path: Path, *, tells_unread: bool = True) -> int:
     lines += [f"note: {note}" for note in dict.fromkeys(unread) if note]
     lines += [f"hint: {sentence}" for sentence in hints(tables, content)]
     lines += [f"note: {note}" for note in ([] if errors else unchecked_rates(content))]
-    lines += [f"{'note' if one in notes else 'warning'}: {one}" for one in notices]
+    lines += [
+        f"{'note' if one in notes or ARE_USED in one else 'warning'}: {one}" for one in notices
+    ]
     if isinstance(loaded, Experiment):
         beside = (one for look in tables for one in contradictions(look, content, loaded))
         lines += [f"warning: {sentence}" for sentence in (*doubts(loaded), *beside)]

@@ -208,7 +208,7 @@ class TestPeriod:
         assert period == pytest.approx(true, rel=1e-3)
 
     def test_a_long_record_takes_little_memory(self) -> None:
-        time, rng = 0.6 * np.arange(100_000), np.random.default_rng(1)
+        time, rng = 0.6 * np.arange(1e5), np.random.default_rng(1)
         value = np.sin(OMEGA * time) + rng.standard_normal(time.size)
         tracemalloc.start()
         found, share = strongest_frequency(time, value, 0.5 / PERIOD, 0.5 / 0.6)

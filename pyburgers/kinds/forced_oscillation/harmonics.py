@@ -269,9 +269,7 @@ def strongest_frequency(
     return float(trials[peak]), float(power[peak])
 
 
-def _rough_frequency(
-    time: FloatArray, value: FloatArray, lowest: float, highest: float
-) -> float:
+def _rough_frequency(time: FloatArray, value: FloatArray, lowest: float, highest: float) -> float:
     """Return the frequency (Hz) of the highest peak of a series that is added up in equal bins."""
     length = float(time[-1] - time[0])
     n_bins = min(math.ceil(BINS_PER_CYCLE * highest * length), MAX_BINS)

@@ -86,6 +86,7 @@ def test_a_long_series_becomes_legs_by_its_means() -> None:
         grain_size_um=500,
         material="ice",
     )
-    assert "20001 readings of the stress, averaged to 2000, became 2 legs" in test.notices[0]
+    told = "20001 readings of the stress, averaged to 2000, became 2 legs"
+    assert any(told in notice for notice in test.notices)
     assert test.legs[0].end_time == pytest.approx(40 * 3600, rel=0.02)
     assert test.legs[1].end_value == pytest.approx(2e6, rel=0.002)

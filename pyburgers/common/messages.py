@@ -12,6 +12,9 @@ from typing import TextIO
 PACKAGE = "pyburgers"
 """The logger above those of all modules."""
 
+PATIENCE = 60.0
+"""Seconds without a message after which there is one about progress."""
+
 
 LONGEST_MESSAGE = 4000
 """Letters of a message, which files of others may make as long as they are."""

@@ -43,6 +43,9 @@ MIN_RATE_RATIO, MIN_RATE_SHARE = 1.2, 1e-5
 MAX_RATES, MAX_LOOKED_AT = 20, 2000
 """How many rates a test has at most; of how many readings a line is searched for, whose time grows
 with their square."""
+FULL_SHARE, MAX_PLACES = 0.95, 10
+"""Where places share readings, more places are taken until this share of the readings that may be
+kept are, but not more than so many for each."""
 
 ARE_USED = "readings are used ('max_readings')"
 """Words of the notice of a thinned record, by which it is told from warnings."""
@@ -282,16 +285,28 @@ def thinning_told(kept: BoolArray) -> list[str]:
 
 def kept_readings(
     time: FloatArray, response: FloatArray, changes: FloatArray, n_kept: int
-) -> np.ndarray:
-    """Return the indices of `n_kept` readings, dense where `changes` (s) and the response move."""
+) -> IntArray:
+    """Return indices of at most `n_kept` readings, dense at `changes` (s) and in moves.
+
+    The first and the last are among them.
+    """
     if time.size <= n_kept:
         return np.arange(time.size)
     measure = np.mean(
         [_from_0_to_1(part) for part in (time, _log_time(time, changes), _way(time, response))],
         axis=0,
     )
-    wanted = np.linspace(0.0, 1.0, n_kept)
-    return np.unique(np.rint(np.interp(wanted, measure, np.arange(time.size))).astype(np.int64))
+
+    def nearest(n_places: int) -> IntArray:
+        places = np.interp(np.linspace(0, 1, n_places), measure, np.arange(time.size))
+        return np.unique(np.rint(places).astype(np.int64))
+
+    kept, n_places = nearest(n_kept), n_kept
+    while kept.size < FULL_SHARE * n_kept and n_places < MAX_PLACES * n_kept:
+        n_places += n_kept - kept.size
+        more = nearest(n_places)
+        kept = kept if more.size > n_kept else more
+    return kept
 
 
 def _log_time(time: FloatArray, changes: FloatArray) -> FloatArray:

@@ -43,6 +43,7 @@ MIN_RATE_RATIO, MIN_RATE_SHARE = 1.2, 1e-5
 MAX_RATES, MAX_LOOKED_AT = 20, 2000
 """How many rates a test has at most; of how many readings a line is searched for, whose time grows
 with their square."""
+
 FULL_SHARE, MAX_PLACES = 0.95, 10
 """Where places share readings, more places are taken until this share of the readings that may be
 kept are, but not more than so many for each."""

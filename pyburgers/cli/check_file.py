@@ -13,6 +13,7 @@ from pyburgers.cli.unread_columns import contradictions, unread_note
 from pyburgers.common.errors import InputError, StructureError
 from pyburgers.common.paths import shown
 from pyburgers.common.scratch import scratch_folder
+from pyburgers.common.tables_in_files import read_once
 from pyburgers.common.toml_files import read_tables, write_toml
 from pyburgers.common.units import count_points, counted
 from pyburgers.flow_law_tables.table_files import load_rate_table
@@ -21,6 +22,7 @@ from pyburgers.flow_law_tables.tables import RateTable
 from pyburgers.kinds.conditions import doubts
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.kind import load_experiment
+from pyburgers.kinds.loading_history.driver import ARE_USED
 from pyburgers.model.plausible import PlausibleRanges, plausible_ranges
 from pyburgers.model.priors import PriorSet, load_priors, shipped_prior_files
 from pyburgers.model.unlikely_numbers import unlikely_priors
@@ -62,18 +64,20 @@ def add_options(command: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the command; return its exit code."""
-    return max([check(path) for path in options.files])
+    with read_once():
+        return max([check(path) for path in options.files])
 
 
 def check(path: Path, *, tells_unread: bool = True) -> int:
     """Print all that is wrong with a file, or what it holds; return the exit code."""
-    try:
-        content = read_tables(path)
-    except InputError as error:  # those after it are still to be looked at
-        content, errors, loaded = {}, list(error.sentences), None
-    else:
-        errors, loaded = all_errors(path, content)
-    tables = list(looks(path, content))
+    with read_once():
+        try:
+            content = read_tables(path)
+        except InputError as error:  # those after it are still to be looked at
+            content, errors, loaded, tables = {}, list(error.sentences), None, []
+        else:
+            tables = list(looks(path, content))
+            errors, loaded = all_errors(path, content)
     notes = {note for look in tables for note in look.notes}
     notices = loaded.notices if isinstance(loaded, Experiment | RateTable) else ()
     lines = [f"error: {sentence}" for sentence in errors]
@@ -82,7 +86,9 @@ def check(path: Path, *, tells_unread: bool = True) -> int:
     lines += [f"note: {note}" for note in dict.fromkeys(unread) if note]
     lines += [f"hint: {sentence}" for sentence in hints(tables, content)]
     lines += [f"note: {note}" for note in ([] if errors else unchecked_rates(content))]
-    lines += [f"{'note' if one in notes else 'warning'}: {one}" for one in notices]
+    lines += [
+        f"{'note' if one in notes or ARE_USED in one else 'warning'}: {one}" for one in notices
+    ]
     if isinstance(loaded, Experiment):
         beside = (one for look in tables for one in contradictions(look, content, loaded))
         lines += [f"warning: {sentence}" for sentence in (*doubts(loaded), *beside)]

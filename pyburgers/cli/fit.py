@@ -16,6 +16,7 @@ from pyburgers.cli.shared import (
 from pyburgers.cli.terminal import print_checks, print_lines, print_table
 from pyburgers.common.errors import InputError
 from pyburgers.common.paths import shown
+from pyburgers.common.tables_in_files import read_once
 from pyburgers.comparison.conclusions import what_a_yes_leaves_open
 from pyburgers.fitting.fit import fit
 from pyburgers.kinds.experiment import Experiment
@@ -74,10 +75,11 @@ def run(options: argparse.Namespace) -> int:
     """Run the command; return its exit code."""
     choices = parse_choices(options.variant)
     pool = parse_pooling(options.pool)
-    experiments = of_one_program([load_experiment(path) for path in options.experiments])
-    if pool and len(experiments) == 1:
-        raise InputError(f"--pool {options.pool[0]}: found one experiment, expected several.")
-    log_hints(options.experiments)
+    with read_once():
+        experiments = of_one_program([load_experiment(path) for path in options.experiments])
+        if pool and len(experiments) == 1:
+            raise InputError(f"--pool {options.pool[0]}: found one experiment, expected several.")
+        log_hints(options.experiments)
     priors = with_variant(priors_for(experiments, options.priors, choices), experiments[0], choices)
     source: Path | None = options.priors_from
     if source is not None:

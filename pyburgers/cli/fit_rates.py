@@ -17,6 +17,7 @@ from pyburgers.cli.shared import (
 )
 from pyburgers.cli.terminal import print_checks, print_lines, print_table
 from pyburgers.common.paths import shown
+from pyburgers.common.tables_in_files import read_once
 from pyburgers.drawing.style import write_images
 from pyburgers.flow_law_tables.fit_rates import TARGET_ACCEPTANCE, WARMUP, fit_rates
 from pyburgers.flow_law_tables.laws import load_rate_law, rate_law
@@ -77,12 +78,13 @@ def add_options(command: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the command; return its exit code."""
-    data = joined(
-        [load_rate_table(path) for path in options.data],
-        options.hold_out,
-        softened=options.curve_priors is not None,
-    )
-    log_hints(options.data)
+    with read_once():
+        data = joined(
+            [load_rate_table(path) for path in options.data],
+            options.hold_out,
+            softened=options.curve_priors is not None,
+        )
+        log_hints(options.data)
     for path in options.without:
         before = data.n_rows
         data = without_test(data, load_experiment(path))

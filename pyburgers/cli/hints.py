@@ -13,7 +13,9 @@ import numpy as np
 from pyburgers.common.cells import DECIMAL_COMMA, ODD_MINUS, THOUSANDS
 from pyburgers.common.columns import may_be_quoted
 from pyburgers.common.errors import InputError
-from pyburgers.common.text_tables import TextTable, look_at
+from pyburgers.common.paths import given_path, shown
+from pyburgers.common.tables_in_files import table_in
+from pyburgers.common.text_tables import TextTable
 from pyburgers.common.toml_files import read_tables
 from pyburgers.flow_law_tables.tables import IN_SHEAR, SI_COLUMNS
 from pyburgers.flow_law_tables.tables import KIND as RATES
@@ -71,9 +73,9 @@ def looks(path: Path, content: Mapping[str, Any]) -> Iterator[TextTable]:
     missing = [str(cell) for cell in stated] if isinstance(stated, list) else None
     for table, key in text_files(content):
         with suppress(InputError):  # the error itself is told
-            file = path.parent / str(data.get("data_root", "")) / table[key]
+            file = given_path(path).parent / str(data.get("data_root", "")) / table[key]
             if may_be_quoted(file, path):
-                yield look_at(file, missing=missing)
+                yield table_in(file, missing=missing)
 
 
 def hints(tables: Sequence[TextTable], content: Mapping[str, Any]) -> list[str]:
@@ -98,7 +100,7 @@ def log_hints(paths: Sequence[Path]) -> None:
     for path in paths:
         content = read_tables(path)
         for hint in hints([*looks(path, content)], content):
-            logger.info(f"hint: {hint}")
+            logger.info(f"hint: {shown(hint)}")
         for note in unchecked_rates(content):
             logger.info(f"note: {note}")
 

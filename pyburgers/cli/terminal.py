@@ -12,7 +12,7 @@ from pyburgers.checks.fit_checks import CheckKind, CheckResult, Outcome
 from pyburgers.checks.verdicts import verdicts
 from pyburgers.cli.shared import EXIT_CHECK_FAILED
 from pyburgers.common.messages import PrintableStream, printable
-from pyburgers.page.tables import VERDICT_WORDS
+from pyburgers.page.tables import THE_SAME, VERDICT_WORDS
 
 EXIT_NOT_DESCRIBED = 4
 """The posterior was sampled well, but the model is not shown to describe the data."""
@@ -31,7 +31,10 @@ FOLDED, LEAST_FOLDED = "quantity", 20
 
 
 def print_table(table: pd.DataFrame, keys: Sequence[str]) -> None:
-    """Print a table of text in blocks of columns that fit, each with the columns `keys` first."""
+    """Print a table of text in blocks of columns that fit, each with the columns `keys` first.
+
+    Blocks behind the first leave out rows that say nothing but `THE_SAME`.
+    """
     console = _console()
     named = [name for name in keys if name in table]
     room = console.width + 1 - sum(_width(table, name) for name in named)
@@ -43,9 +46,11 @@ def print_table(table: pd.DataFrame, keys: Sequence[str]) -> None:
             blocks.append([])
         blocks[-1].append(name)
     for number, block in enumerate(blocks):
+        rows = table[[*named, *block]]
         if number:
+            rows = rows[(rows[block] != THE_SAME).any(axis="columns")]
             console.print()
-        console.print(_drawn(table[[*named, *block]], named, too_wide))
+        console.print(_drawn(rows, named, too_wide))
 
 
 def print_checks(

@@ -30,6 +30,9 @@ from pyburgers.kinds.new_file import MIN_RUN_READINGS, Columns, NewFile, facts_o
 MAX_TEMPERATURE_DIFFERENCE, MAX_RATE_RATIO, MAX_MODULUS_RATIO = 2.0, 2.0, 1.1
 """Kelvin, and ratios, by which a column that is not read may lie outside what a file states."""
 
+MAX_UNREAD_TOLD = 10
+"""Columns that are not read of which it is told what they hold."""
+
 NEARLY_ALL = (5.0, 95.0)
 """Percentiles between which readings are compared: a few of them may be of another state."""
 
@@ -50,12 +53,13 @@ def unread_columns(look: TextTable, content: Mapping[str, Any]) -> list[str | in
 
 def unread_note(look: TextTable, content: Mapping[str, Any]) -> str | None:
     """Say which columns of a table a file does not read, and what they hold; None without any."""
-    found = []
-    for column in unread_columns(look, content):
+    found, columns = [], unread_columns(look, content)
+    for column in columns[:MAX_UNREAD_TOLD]:
         numbers = [] if look.is_time_stamps(column) else look.numbers(column)
         ends = f" ({span_text((min(numbers), max(numbers)), digits=6)})" if numbers else ""
         found.append(f"{column!r}{ends}")
-    return f"{look.path.name}: columns not read: {', '.join(found)}." if found else None
+    more = f" and {len(columns) - MAX_UNREAD_TOLD} more" if len(columns) > MAX_UNREAD_TOLD else ""
+    return f"{look.path.name}: columns not read: {', '.join(found)}{more}." if found else None
 
 
 def _selections(content: Mapping[str, Any]) -> Iterator[dict[str, Any]]:

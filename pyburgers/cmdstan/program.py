@@ -6,7 +6,9 @@ not told. CmdStan's `gamma` cannot be set. Draws other than a chain are refused.
 takes eight times as long.
 """
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+import logging
+import time
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -22,9 +24,12 @@ from pyburgers.cmdstan.draw_files import Draws, read_draws, rows_of_draws
 from pyburgers.common.csv_tables import csv_text
 from pyburgers.common.draws import FloatArray
 from pyburgers.common.errors import SamplingError
+from pyburgers.common.messages import PATIENCE
 from pyburgers.common.paths import given_path
 from pyburgers.common.processes import Running, cores, side_by_side, start
 from pyburgers.common.scratch import scratch_folder
+
+logger = logging.getLogger(__name__)
 
 COORDINATE = "coordinate"
 """The one parameter of a program with a density, an unbounded vector."""
@@ -376,20 +381,23 @@ class Density:
             place = np.atleast_1d(variables[COORDINATE])
             return Ending(float(draws["lp__"][0, 0]), place, variables)
 
-    def ends(self, starts: Iterable[FloatArray], *, seed: int) -> list[Ending]:
+    def ends(self, starts: Sequence[FloatArray], *, seed: int) -> list[Ending]:
         """Climb from every start and return the ends, the best first.
 
-        Raises ModeNotFound if the optimiser fails from all starts.
+        Slow climbs are counted in messages. Raises ModeNotFound if the optimiser fails from all
+        starts.
         """
         found: list[Ending] = []
-        n_starts = 0
-        for place in starts:
-            n_starts += 1
+        told = time.monotonic()
+        for number, place in enumerate(starts, start=1):
             # The optimiser may leave the region where the solver finds a solution.
             with suppress(SamplingError):
                 found.append(self.climb(place, seed=seed))
+            if time.monotonic() - told >= PATIENCE and number < len(starts):
+                told = time.monotonic()
+                logger.info(f"{number} of {len(starts)} climbs to the mode are done.")
         if not found:
-            raise ModeNotFound(f"the optimiser failed from all {n_starts} starts")
+            raise ModeNotFound(f"the optimiser failed from all {len(starts)} starts")
         return sorted(found, key=lambda end: end.log_density, reverse=True)
 
 

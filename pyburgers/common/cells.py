@@ -100,6 +100,9 @@ def are_units(cells: Sequence[str]) -> bool:
 
 def as_number(cell: str) -> float | None:
     """Return the finite number in a cell, also with decimal comma or odd minus; None without."""
+    value = number_in(cell)  # most cells
+    if value is not None:
+        return value
     text = re.sub(f"[{MINUS_SIGNS}]", "-", cell.strip())
     if DECIMAL_COMMA.fullmatch(text):
         text = text.replace(",", ".")

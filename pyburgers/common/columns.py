@@ -18,7 +18,8 @@ from pyburgers.common.array_types import BoolArray, FloatArray
 from pyburgers.common.cells import number_in
 from pyburgers.common.errors import InputError
 from pyburgers.common.paths import given_path
-from pyburgers.common.text_tables import TextTable, look_at, table_of_columns
+from pyburgers.common.tables_in_files import table_in
+from pyburgers.common.text_tables import TextTable, table_of_columns
 from pyburgers.common.toml_files import Table, all_of, factor_to_si, is_file_of_user, unit_of
 from pyburgers.common.units import Unit, counted
 
@@ -214,7 +215,7 @@ def _table(path: Path, data: TextFilesTable, key: str, named_in: str) -> TextTab
     file = getattr(data, key)
     if not isinstance(file, str):
         return table_of_columns(path, file, data.missing)
-    return look_at(
+    return table_in(
         data.source(path, key),
         None if data.separator is None else SEPARATORS.get(data.separator, data.separator),
         header=data.header,

@@ -12,6 +12,9 @@ from typing import TextIO
 PACKAGE = "pyburgers"
 """The logger above those of all modules."""
 
+PATIENCE = 60.0
+"""Seconds without a message after which there is one about progress."""
+
 
 logger = logging.getLogger(__name__)
 

@@ -126,8 +126,19 @@ class TextTable:
 
     def numbers(self, column: str | int) -> list[float]:
         """Return the numbers in a column, as a person reads them; without cells that hold none."""
-        cells = self.cleaned(self.columns.index(column))
-        return [value for value in map(as_number, cells) if value is not None]
+        return [value for value in self.values(column) if value is not None]
+
+    def values(self, column: str | int) -> list[float | None]:
+        """Return what `numbers` does for each row, None for a cell that holds none."""
+        index = self.columns.index(column)
+        if index not in self._values:
+            self._values[index] = [*map(as_number, self.cleaned(index))]
+        return self._values[index]
+
+    @cached_property
+    def _values(self) -> dict[int, list[float | None]]:
+        """Columns of `values` that were asked for."""
+        return {}
 
     def cleaned(self, index: int) -> list[str]:
         """Return cells as numbers, time stamps as seconds; empty without a reading."""

@@ -11,7 +11,7 @@ from datetime import date, datetime, time
 from itertools import pairwise
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Generic, Literal, get_args, get_origin
+from typing import Annotated, Any, Generic, Literal, get_args, get_origin
 
 import numpy as np
 from pydantic import Field
@@ -32,6 +32,14 @@ from pyburgers.model.parameters import PARAMETER_BY_NAME
 
 MAX_TEMPERATURE_SD_SHARE = 0.1
 """Largest standard deviation of a temperature over it: a wider error would reach zero kelvin."""
+
+MAX_READINGS = 400
+"""How many readings of a record are used unless its file says another number."""
+
+MaxReadings = Annotated[
+    int, Field(ge=10, description="to how many readings a longer record is thinned")
+]
+"""Readings that are used of a record, but for at least two of each stage or segment."""
 
 
 class ProvenanceTable(Table):

@@ -9,7 +9,7 @@ from types import MappingProxyType
 import numpy as np
 
 from pyburgers.common.array_types import FloatArray, IntArray
-from pyburgers.common.cells import as_number, has_date
+from pyburgers.common.cells import has_date
 from pyburgers.common.text_tables import TextTable
 from pyburgers.common.units import UNIT_TABLE, Unit, counted, span_text
 from pyburgers.kinds.column_names import (
@@ -366,8 +366,7 @@ def _with_unit(
     table: TextTable, column: str | int, quantity: str, *, is_chosen: bool = False
 ) -> GuessedColumn:
     """Add the unit of a column, as its name or its numbers have it."""
-    cells = map(as_number, table.cleaned(table.columns.index(column)))
-    numbers = np.array([np.nan if value is None else value for value in cells])
+    numbers = np.array([np.nan if value is None else value for value in table.values(column)])
     name = table.described(column)
     kind = COLUMN_NAMES[quantity.removesuffix("_uncertainty")].kind
     found = GuessedColumn(quantity, column, name, None, BY_NAME, numbers)

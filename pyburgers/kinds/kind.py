@@ -22,6 +22,7 @@ from pyburgers.common.array_types import FloatArray
 from pyburgers.common.atomic_files import write_text
 from pyburgers.common.errors import InputError
 from pyburgers.common.paths import given_path
+from pyburgers.common.tables_in_files import read_once
 from pyburgers.common.toml_files import Table, checked, read_tables
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.experiment_file import Kind
@@ -117,7 +118,8 @@ def load_experiment(path: str | Path) -> Experiment:
         raise InputError(
             f"{path}: key 'protocol': found {name!r}, expected {expected} (the kind of test)."
         )
-    experiment: Experiment = kinds()[name].load(path, tables)
+    with read_once():
+        experiment: Experiment = kinds()[name].load(path, tables)
     return experiment
 
 

@@ -25,7 +25,14 @@ from pyburgers.model.display import axis_label, shown_quantity, symbol_text
 from pyburgers.page.decades import spans_decades
 from pyburgers.page.names import joint_key, page_keys, page_names
 from pyburgers.page.overview import joint_entry
-from pyburgers.page.tables import DECISION, checks_page_table, decided_cell, named, quoted_or_prior
+from pyburgers.page.tables import (
+    DECISION,
+    THE_SAME,
+    checks_page_table,
+    decided_cell,
+    named,
+    quoted_or_prior,
+)
 from pyburgers.posterior.labelled_draws import own_name
 
 
@@ -97,7 +104,7 @@ def shown_pooling_table(table: pd.DataFrame) -> pd.DataFrame:
         pooling = group["pooling"].iloc[0]
         joint = {str(test): text for test, text in by_test["quoted"].items()}
         if pooling == "shared":
-            joint |= dict.fromkeys(tests[1:], "the same")
+            joint |= dict.fromkeys(tests[1:], THE_SAME)
         row = {
             **named(quantity),
             "pooling": pooling,

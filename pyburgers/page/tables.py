@@ -29,6 +29,9 @@ from pyburgers.model.prior_families import Prior
 from pyburgers.model.priors import PriorSet
 from pyburgers.page.glossary import ORIGIN_RULES
 
+THE_SAME = "the same"
+"""Cell of a parameter that a test shares with the first one."""
+
 INTERVALS = (50, 90, 95)
 """Central intervals (%) in which the truth behind synthetic data is looked for."""
 

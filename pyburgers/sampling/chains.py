@@ -19,7 +19,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, Ti
 from pyburgers.cmdstan.draw_files import join_draws, read_draws
 from pyburgers.cmdstan.program import Program
 from pyburgers.common.atomic_files import write_json, write_text
-from pyburgers.common.messages import in_notebook, is_watched
+from pyburgers.common.messages import PATIENCE, in_notebook, is_watched
 from pyburgers.common.processes import Running, cores, side_by_side
 from pyburgers.common.toml_files import read_json
 from pyburgers.common.units import counted, duration_text
@@ -75,8 +75,11 @@ def bars(chains: Sequence[int], total: int, stream: TextIO) -> Iterator[Advance]
 
 
 def quarter_messages(chains: Sequence[int], total: int) -> Advance:
-    """Return what logs a line for each quarter of all chains together, with the time left."""
-    return _in_steps(chains, total, 4, lambda _, text: logger.info(text))
+    """Return what logs a line for each quarter of all chains together, with the time left.
+
+    Of slow chains there is one more, after `PATIENCE`.
+    """
+    return _in_steps(chains, total, 4, lambda _, text: logger.info(text), PATIENCE)
 
 
 def notebook_bar(chains: Sequence[int], total: int) -> Advance:
@@ -92,19 +95,28 @@ def notebook_bar(chains: Sequence[int], total: int) -> Advance:
 
 
 def _in_steps(
-    chains: Sequence[int], total: int, steps: int, show: Callable[[float, str], None]
+    chains: Sequence[int],
+    total: int,
+    steps: int,
+    show: Callable[[float, str], None],
+    patience: float = np.inf,
 ) -> Advance:
-    """Return what shows the share that all chains together have done, in steps, and a text."""
+    """Return what shows the share that all chains together have done, in steps, and a text.
+
+    The first time it does after `patience` (s) at the latest.
+    """
     done = dict.fromkeys(chains, 0)
     started, last = time.monotonic(), 0
+    is_shown = False
 
     def advance(chain: int, iteration: int, phase: str) -> None:
-        nonlocal last
+        nonlocal last, is_shown
         done[chain] = iteration
         share = sum(done.values()) / (len(done) * total)
-        if int(steps * share) > last:
-            last = int(steps * share)
-            seconds = (time.monotonic() - started) * (1 / share - 1)
+        elapsed = time.monotonic() - started
+        if int(steps * share) > last or (elapsed >= patience and not is_shown):
+            last, is_shown = int(steps * share), True
+            seconds = elapsed * (1 / share - 1)
             left = f", about {duration_text(seconds)} left" if share < 1 else ""
             of_all = f"{counted(len(done), 'chain')} of {total} iterations"
             show(share, f"{share:.0%} of {of_all} ({phase.lower()}){left}")

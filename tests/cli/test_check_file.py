@@ -9,6 +9,8 @@ import tomli_w
 from small_inputs import CURVE, DATA
 
 from pyburgers.cli.main import main
+from pyburgers.cli.unread_columns import unread_note
+from pyburgers.common.text_tables import look_at
 
 
 @pytest.mark.parametrize(
@@ -282,3 +284,12 @@ def test_columns_that_are_not_read_are_told_and_compared(
     out = capsys.readouterr().out
     assert words in out
     assert words or "check both" not in out
+
+
+def test_of_many_columns_that_are_not_read_ten_are_named(tmp_path: Path) -> None:
+    file = tmp_path / "wide.csv"
+    file.write_text(",".join(f"c{k}" for k in range(13)) + "\n" + ",".join("1" * 13) + "\n")
+    note = unread_note(look_at(file), {"data": {"stress_column": "c0"}})
+    assert note is not None
+    assert note.startswith("wide.csv: columns not read: 'c1' (1), ")
+    assert note.endswith(", 'c10' (1) and 2 more.")

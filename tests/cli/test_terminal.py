@@ -92,3 +92,14 @@ def test_colours_are_for_terminals_that_want_them(
         monkeypatch.setenv("NO_COLOR", no_colour)
     print_checks([])
     assert bool(re.search(r"\033\[[\d;]*3\dm", terminal.getvalue())) is coloured
+
+
+def test_rows_of_shared_parameters_are_printed_once(capsys: pytest.CaptureFixture[str]) -> None:
+    tests = [f"a_test_of_a_long_name_{k}" for k in range(6)]
+    shared = {tests[0]: "1.0 ± 0.1", **dict.fromkeys(tests[1:], "the same")}
+    own = {test: f"{k} ± 1" for k, test in enumerate(tests)}
+    rows = [{"quantity": "shared one", **shared}, {"quantity": "own one", **own}]
+    print_table(pd.DataFrame(rows), ["quantity"])
+    out = capsys.readouterr().out
+    assert (out.count("shared one"), out.count("own one")) == (1, 3)
+    assert all(f"{k} ± 1" in out for k in range(6))

@@ -19,6 +19,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 import pytest
@@ -31,6 +32,7 @@ from pyburgers.cmdstan.draw_files import adaptation_of, read_draws
 from pyburgers.cmdstan.installation import Source, install_cmdstan
 from pyburgers.cmdstan.program import (
     Density,
+    Ending,
     Program,
     Unsolved,
     load_program,
@@ -41,6 +43,7 @@ from pyburgers.cmdstan.toolchain import (
     stan_directory,
     toolchain,
 )
+from pyburgers.common.array_types import FloatArray
 from pyburgers.common.atomic_files import write_text
 from pyburgers.common.errors import (
     InputError,
@@ -481,6 +484,24 @@ generated quantities {
   if (square > 30) reject("too large");
 }
 """
+
+
+def test_slow_climbs_are_counted(
+    caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    caplog.set_level(logging.INFO, "pyburgers")
+    now = [0.0]
+    monkeypatch.setattr(time, "monotonic", lambda: now[0])
+
+    class Slow(Density):
+        def climb(self, start: FloatArray, *, seed: int) -> Ending:
+            now[0] += 40
+            return Ending(float(start[0]), start, {})
+
+    starts = [np.array([float(k)]) for k in range(5)]
+    ends = Slow(cast(Program, None), {}).ends(starts, seed=1)
+    assert [end.log_density for end in ends] == [4, 3, 2, 1, 0]
+    assert caplog.messages == [f"{done} of 5 climbs to the mode are done." for done in (2, 4)]
 
 
 def assert_every_method_runs(program: Program, folder: Path) -> None:

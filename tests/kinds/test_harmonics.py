@@ -1,5 +1,7 @@
 """Harmonics and trend of a time series: exact recovery, stated errors, degree, period."""
 
+import tracemalloc
+
 import numpy as np
 import numpy.typing as npt
 import pytest
@@ -9,6 +11,7 @@ from pyburgers.kinds.forced_oscillation.harmonics import (
     choose_degree,
     estimate_period,
     fit_harmonics,
+    strongest_frequency,
     trend_projection,
 )
 
@@ -203,3 +206,14 @@ class TestPeriod:
         noisy = value + NOISE * rng.standard_normal(time.size)
         period = estimate_period(time, noisy, uncertainty=np.full(time.size, NOISE))
         assert period == pytest.approx(true, rel=1e-3)
+
+    def test_a_long_record_takes_little_memory(self) -> None:
+        time, rng = 0.6 * np.arange(1e5), np.random.default_rng(1)
+        value = np.sin(OMEGA * time) + rng.standard_normal(time.size)
+        tracemalloc.start()
+        found, share = strongest_frequency(time, value, 0.5 / PERIOD, 0.5 / 0.6)
+        _, peak = tracemalloc.get_traced_memory()
+        tracemalloc.stop()
+        assert found == pytest.approx(1 / PERIOD, rel=1e-3)
+        assert share == pytest.approx(1 / 3, rel=0.05)
+        assert peak < 500e6

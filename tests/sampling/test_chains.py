@@ -125,11 +125,12 @@ def test_without_terminal_there_is_a_line_for_each_quarter_of_all_chains_with_th
     caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     caplog.set_level(logging.INFO, "pyburgers")
-    now = iter(range(0, 1000, 60))
-    monkeypatch.setattr(time, "monotonic", lambda: next(now))
+    now = [0.0]
+    monkeypatch.setattr(time, "monotonic", lambda: now[0])
     with shown_progress([1, 2], 100) as advance:
-        for chain, seen in ((1, range(1, 101)), (2, (60, 100))):
+        for chain, seen, start in ((1, range(1, 101), 0), (2, (60, 100), 90)):
             for iteration in seen:
+                now[0] = 1.2 * (start + iteration)
                 advance(chain, iteration, "Warmup" if iteration <= 50 else "Sampling")
     assert caplog.messages == [
         "25% of 2 chains of 100 iterations (warmup), about 3 min left",
@@ -137,6 +138,19 @@ def test_without_terminal_there_is_a_line_for_each_quarter_of_all_chains_with_th
         "80% of 2 chains of 100 iterations (sampling), about 45 s left",
         "100% of 2 chains of 100 iterations (sampling)",
     ]
+
+
+def test_without_terminal_slow_chains_are_told_after_a_minute(
+    caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    caplog.set_level(logging.INFO, "pyburgers")
+    now = [0.0]
+    monkeypatch.setattr(time, "monotonic", lambda: now[0])
+    with shown_progress([1], 1000) as advance:
+        for iteration in (10, 20, 30, 40):
+            now[0] += 36
+            advance(1, iteration, "Warmup")
+    assert caplog.messages == ["2% of 1 chain of 1000 iterations (warmup), about 59 min left"]
 
 
 def test_on_a_terminal_every_chain_has_a_bar(

@@ -113,7 +113,8 @@ def test_units_defaults_and_choices_are_told() -> None:
     assert key("constant_rate", "[data]", "separator").default == "none"
     assert key("constant_rate", "[[segments]]", "start_strain").unit == "fraction"
     assert key("loading_history", "[[stages]]", "control").holds.count(" or ") == 5
-    assert key("loading_history", "[data]", "max_readings").default == "`400`"
+    for protocol in ("constant_rate", "loading_history"):
+        assert key(protocol, "[data]", "max_readings").default == "`400`"
     assert key("attenuation", "[data]", "amplitude_column").unit == "`stress_unit`"
     assert key("forced_oscillation", "[oscillation]", "background").default == '`"kept"`'
     assert not tables("constant_rate")["[data]"].needed

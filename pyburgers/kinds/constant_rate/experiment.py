@@ -9,7 +9,7 @@ import numpy as np
 from pyburgers.common.array_types import FloatArray, IntArray
 from pyburgers.common.units import count_points, rounded_to
 from pyburgers.kinds.experiment import Experiment
-from pyburgers.kinds.experiment_file import microstructure_tables
+from pyburgers.kinds.experiment_file import MAX_READINGS, microstructure_tables
 from pyburgers.kinds.limits import unlikely_strain_rate
 from pyburgers.kinds.odd_readings import odd_readings, opposed_stresses
 from pyburgers.model.parameters import PARAMETERS
@@ -146,6 +146,7 @@ class ConstantRateExperiment(Experiment):
             "stress_column": "stress_Pa",
             "stress_unit": "Pa",
             "stress_uncertainty": self.stress_uncertainty,
+            "max_readings": self.n_points if self.n_points > MAX_READINGS else None,
         }
         return {
             "final_strain": self.final_strain,

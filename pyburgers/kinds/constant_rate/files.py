@@ -2,7 +2,7 @@
 
 import itertools
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -24,10 +24,12 @@ from pyburgers.kinds.constant_rate.experiment import (
 )
 from pyburgers.kinds.experiment import MeasuredMicrostructure
 from pyburgers.kinds.experiment_file import (
+    MAX_READINGS,
     SIGNS_WERE_TURNED,
     Compression,
     ExperimentFile,
     Kind,
+    MaxReadings,
     MicrostructureTable,
     departure,
     measured_microstructure,
@@ -36,6 +38,7 @@ from pyburgers.kinds.experiment_file import (
     slope_of,
 )
 from pyburgers.kinds.limits import MAX_UNLOADED_SHARE, MAX_ZERO_SHARE
+from pyburgers.kinds.loading_history.driver import thinned, thinning_told
 from pyburgers.kinds.odd_readings import order_text
 
 
@@ -66,6 +69,7 @@ class DataTable(TextFilesTable):
     stress_uncertainty: float | None = Field(
         None, gt=0, description="the standard deviation of a reading in the unit of the stress"
     )
+    max_readings: MaxReadings = MAX_READINGS
 
 
 class ConstantRateFile(ExperimentFile):
@@ -292,9 +296,10 @@ def load_constant_rate(
 ) -> ConstantRateExperiment:
     """Read and check the file of a test at constant rate, or its tables, and its readings.
 
-    Strains misplaced by a reading error are put right, points at zero strain are dropped, both with
-    a notice. Where files hold time alone, it counts from the start, and strain follows from the
-    rates. Raise InputError if a file, key, unit or number is not what it has to be.
+    Strains misplaced by a reading error are put right, points at zero strain are dropped, and a
+    long curve is thinned, each with a notice. Where files hold time alone, it counts from the
+    start, and strain follows from the rates. Raise InputError if a file, key, unit or number is not
+    what it has to be.
     """
     file = read_toml(path, ConstantRateFile, tables)
     segments = tuple(RateSegment(s.start_strain, s.strain_rate_per_s) for s in file.segments)
@@ -312,7 +317,7 @@ def load_constant_rate(
     strain, stress, changes = join_curves(curves, final_strain)
     if file.compression == "negative":
         changes = [SIGNS_WERE_TURNED, *changes]
-    return ConstantRateExperiment(
+    test = ConstantRateExperiment(
         **values,
         segments=segments,
         strain=strain,
@@ -322,6 +327,17 @@ def load_constant_rate(
         microstructure=microstructure,
         notices=tuple(dict.fromkeys([*file.notices, *changes, *remarks_on(strain, stress)])),
     )
+    return test if file.data is None else _thinned(test, file.data.max_readings)
+
+
+def _thinned(test: ConstantRateExperiment, most: int) -> ConstantRateExperiment:
+    """Return a test with about so many readings, as those of loading histories are chosen."""
+    starts = np.array([segment.start_strain for segment in test.segments])
+    kept = thinned(
+        test.strain, test.reading_segment, test.stress, lambda number: starts[[number]], most
+    )
+    notices = (*test.notices, *thinning_told(kept))
+    return replace(test, strain=test.strain[kept], stress=test.stress[kept], notices=notices)
 
 
 def _read_curves(

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 from numpy.polynomial import legendre
-from scipy import optimize, signal
+from scipy import fft, optimize, signal
 
 from pyburgers.common.array_types import FloatArray
 from pyburgers.common.errors import InputError
@@ -28,6 +28,9 @@ CUBIC = 3
 
 TRIALS_PER_PEAK = 10
 """Trial frequencies per inverse length of the series, which is the width of a peak."""
+
+BINS_PER_CYCLE, MAX_BINS = 8, 4_000_000
+"""Bins of time in a cycle of the highest frequency of a rough periodogram, and how many at most."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -254,13 +257,29 @@ def strongest_frequency(
 ) -> tuple[float, float]:
     """Return the frequency (Hz) of the highest peak of the periodogram, and its share of variance.
 
-    Both ends in Hz; `value` is without its trend.
+    Both ends in Hz; `value` is without its trend. Only frequencies near a rough peak are tried: all
+    of them would take time and memory in proportion to readings times cycles.
     """
     spacing = 1.0 / (TRIALS_PER_PEAK * float(time[-1] - time[0]))
     trials = np.arange(lowest, highest, spacing)
+    rough = _rough_frequency(time, value, lowest, highest)
+    trials = trials[np.abs(trials - rough) <= TRIALS_PER_PEAK * spacing]
     power = signal.lombscargle(time, value, 2.0 * math.pi * trials, normalize=True)
     peak = int(np.argmax(power))
     return float(trials[peak]), float(power[peak])
+
+
+def _rough_frequency(time: FloatArray, value: FloatArray, lowest: float, highest: float) -> float:
+    """Return the frequency (Hz) of the highest peak of a series that is added up in equal bins."""
+    length = float(time[-1] - time[0])
+    n_bins = min(math.ceil(BINS_PER_CYCLE * highest * length), MAX_BINS)
+    place = ((time - time[0]) * (n_bins / length)).astype(np.int64)
+    # Zeros behind the series halve the spacing of frequencies.
+    size = fft.next_fast_len(2 * n_bins, real=True)
+    power = np.abs(fft.rfft(np.bincount(place, value), size))
+    frequency = fft.rfftfreq(size, length / n_bins)
+    inside = np.flatnonzero((frequency >= lowest) & (frequency <= highest))
+    return float(frequency[inside[np.argmax(power[inside])]])
 
 
 def estimate_period(time: FloatArray, value: FloatArray, *, uncertainty: FloatArray) -> float:

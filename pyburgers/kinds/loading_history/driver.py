@@ -40,8 +40,16 @@ than a percent, and a series without noise would otherwise get a corner at every
 MIN_RATE_RATIO, MIN_RATE_SHARE = 1.2, 1e-5
 """Ratio from which a rate follows another by a step; share of the largest from which it is one."""
 
-MAX_RATES, MAX_LOOKED_AT = 20, 1000
-"""How many rates a test has at most, and how many of its readings are looked at."""
+MAX_RATES, MAX_LOOKED_AT = 20, 2000
+"""How many rates a test has at most; of how many readings a line is searched for, whose time grows
+with their square."""
+
+FULL_SHARE, MAX_PLACES = 0.95, 10
+"""Where places share readings, more places are taken until this share of the readings that may be
+kept are, but not more than so many for each."""
+
+ARE_USED = "readings are used ('max_readings')"
+"""Words of the notice of a thinned record, by which it is told from warnings."""
 
 
 def distances_from_neighbours(at: FloatArray, value: FloatArray) -> FloatArray:
@@ -193,7 +201,7 @@ def rate_steps(times: FloatArray, strains: FloatArray) -> tuple[tuple[float, flo
 
     `times`, `strains` (n,): readings; compression may be negative in them.
     """
-    time, strain = _looked_at(times, np.abs(strains))
+    time, strain = looked_at(times, np.abs(strains))
     if time.size < 2:
         return ()
     corner, value = line_through(time, strain, tolerances(time, strain))
@@ -212,11 +220,19 @@ def rate_steps(times: FloatArray, strains: FloatArray) -> tuple[tuple[float, flo
     return tuple(zip(rounded, (float(f"{one:.3g}") for one in rate), strict=True))
 
 
-def _looked_at(times: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return readings of a series (n,) at times that grow, every so many of a long one."""
+def looked_at(times: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return a series at times that grow; inside a long one, means of neighbours."""
     time, first = np.unique(times, return_index=True)
-    step = -(-time.size // MAX_LOOKED_AT) or 1
-    return time[::step], values[first[::step]]
+    value, inner = values[first], time.size - 2
+    if time.size <= MAX_LOOKED_AT:
+        return time, value
+    starts = 1 + np.arange(MAX_LOOKED_AT - 2) * inner // (MAX_LOOKED_AT - 2)
+    counts = np.diff(starts, append=1 + inner)
+    time, value = (
+        np.concatenate([one[:1], np.add.reduceat(one[:-1], starts) / counts, one[-1:]])
+        for one in (time, value)
+    )
+    return time, value
 
 
 def is_driven_by_rates(time: FloatArray, strain: FloatArray, stress: FloatArray) -> bool:
@@ -224,7 +240,7 @@ def is_driven_by_rates(time: FloatArray, strain: FloatArray, stress: FloatArray)
     n_rates = len(rate_steps(time, strain))
     if n_rates == 0:
         return False
-    moment, value = _looked_at(time, stress)
+    moment, value = looked_at(time, stress)
     corner, _ = line_through(moment, value, tolerances(moment, value))
     # So many levels, with a leg between each two.
     return 2 * n_rates - 1 < corner.size - 1
@@ -232,7 +248,7 @@ def is_driven_by_rates(time: FloatArray, strain: FloatArray, stress: FloatArray)
 
 def is_at_one_rate(time: FloatArray, strain: FloatArray) -> bool:
     """Whether the strain is one straight line over the times, (n,)."""
-    moment, value = _looked_at(time, strain)
+    moment, value = looked_at(time, strain)
     return line_through(moment, value, tolerances(moment, value))[0].size == 2
 
 
@@ -257,18 +273,41 @@ def thinned(
     return kept
 
 
+def thinning_told(kept: BoolArray) -> list[str]:
+    """Say how many readings (n_readings,) are kept of a record that is thinned."""
+    if kept.all():
+        return []
+    return [
+        f"{np.count_nonzero(kept)} of {kept.size} {ARE_USED}, more of them where what is imposed "
+        "changes and where the response moves. They are single readings: means of neighbours, if "
+        "they are written to the file instead, keep what the others say."
+    ]
+
+
 def kept_readings(
     time: FloatArray, response: FloatArray, changes: FloatArray, n_kept: int
-) -> np.ndarray:
-    """Return the indices of `n_kept` readings, dense where `changes` (s) and the response move."""
+) -> IntArray:
+    """Return indices of at most `n_kept` readings, dense at `changes` (s) and in moves.
+
+    The first and the last are among them.
+    """
     if time.size <= n_kept:
         return np.arange(time.size)
     measure = np.mean(
         [_from_0_to_1(part) for part in (time, _log_time(time, changes), _way(time, response))],
         axis=0,
     )
-    wanted = np.linspace(0.0, 1.0, n_kept)
-    return np.unique(np.rint(np.interp(wanted, measure, np.arange(time.size))).astype(np.int64))
+
+    def nearest(n_places: int) -> IntArray:
+        places = np.interp(np.linspace(0, 1, n_places), measure, np.arange(time.size))
+        return np.unique(np.rint(places).astype(np.int64))
+
+    kept, n_places = nearest(n_kept), n_kept
+    while kept.size < FULL_SHARE * n_kept and n_places < MAX_PLACES * n_kept:
+        n_places += n_kept - kept.size
+        more = nearest(n_places)
+        kept = kept if more.size > n_kept else more
+    return kept
 
 
 def _log_time(time: FloatArray, changes: FloatArray) -> FloatArray:
@@ -285,7 +324,8 @@ def _way(time: FloatArray, response: FloatArray) -> FloatArray:
     """Sum of all rises and falls of the response up to each reading."""
     tolerance = tolerance_of(response, reading_error(time, response))
     moment, place, count = np.unique(time, return_inverse=True, return_counts=True)
-    corners, values = line_through(moment, np.bincount(place, response) / count, tolerance)
+    mean = np.bincount(place, response) / count
+    corners, values = line_through(*looked_at(moment, mean), tolerance)
     way = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(values)))])
     return np.asarray(np.interp(time, corners, way))
 

@@ -28,7 +28,7 @@ from pyburgers.kinds.experiment_file import (
     sign_of,
     strain_factor,
 )
-from pyburgers.kinds.loading_history.driver import thinned
+from pyburgers.kinds.loading_history.driver import thinned, thinning_told
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.readings import (
     NO_READINGS,
@@ -318,12 +318,7 @@ def _used(
         return np.array([leg.start_time for leg in legs if leg.stage == number])
 
     chosen = thinned(time, stage, value, changes, data.max_readings)
-    if not chosen.all():
-        notices.append(
-            f"{np.count_nonzero(chosen)} of {time.size} readings are used, more of them where what "
-            "is imposed changes and where the response moves."
-        )
-    return (time[chosen], stage[chosen], value[chosen]), notices
+    return (time[chosen], stage[chosen], value[chosen]), [*notices, *thinning_told(chosen)]
 
 
 HALF = 0.5

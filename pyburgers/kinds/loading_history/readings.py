@@ -12,7 +12,7 @@ from pyburgers.common.array_types import FloatArray, IntArray
 from pyburgers.common.columns import Column, DataFile, TextFilesTable, read_columns
 from pyburgers.common.errors import InputError
 from pyburgers.common.units import UNITS, count_points, units_text
-from pyburgers.kinds.experiment_file import MAX_DEPARTURE_SHARE
+from pyburgers.kinds.experiment_file import MAX_DEPARTURE_SHARE, MAX_READINGS, MaxReadings
 from pyburgers.kinds.loading_history.stages import Stage, legs_of
 from pyburgers.kinds.odd_readings import order_text
 
@@ -45,7 +45,7 @@ class HistoryDataTable(TextFilesTable):
     stage_column: Column | None = Field(
         None, description="the column that holds the number of the stage, from 1"
     )
-    max_readings: int = Field(400, ge=10, description="to how many readings records are thinned")
+    max_readings: MaxReadings = MAX_READINGS
     readings_in_file: int | None = Field(
         None, ge=0, description="the number of readings before an earlier thinning"
     )

@@ -14,6 +14,7 @@ from pyburgers.kinds.loading_history.driver import (
     TOLERANCE,
     TURNED_TOLERANCE,
     line_through,
+    looked_at,
     reading_error,
     scatter,
     tolerance_of,
@@ -262,7 +263,7 @@ class _StageReader:
         )
         stated = self.test.strain_error
         error = reading_error(time, value) if stated is None else stated * np.abs(value).max()
-        corners, line = line_through(time, value, tolerance_of(value, error))
+        corners, line = line_through(*looked_at(time, value), tolerance_of(value, error))
         self.notices.append(
             f"Stage {self.number}: the force over the first area became a true stress in "
             f"{counted(corners.size - 1, 'leg')}, by the measured strain.{series.unread}"
@@ -350,6 +351,7 @@ class _StageReader:
             error = scatter(time, value) if stated is None else stated
             allowed = max(TOLERANCE * error, TURNED_TOLERANCE * float(np.ptp(value)))
             _check_jump(self.test, self.before, float(value[0]), allowed)
+        time, value = looked_at(time, value)
         factor = 1.0 if strain_driven else self.test.pascal
         if self.table.tolerance is not None:
             tolerance = np.array([factor * self.table.tolerance])
@@ -360,8 +362,9 @@ class _StageReader:
         corners, line = line_through(time, value, tolerance)
         unit, scale = ("", 1.0) if strain_driven else (" MPa", 1e-6)
         distance = span_text((scale * tolerance.min(), scale * tolerance.max()), digits=2) + unit
+        averaged = f", averaged to {time.size}," if time.size < series.time.size else ""
         self.notices.append(
-            f"Stage {self.number}: {series.n_read} readings of the {quantity} became "
+            f"Stage {self.number}: {series.n_read} readings of the {quantity}{averaged} became "
             f"{counted(corners.size - 1, 'leg')}, which "
             f"{'passes' if corners.size == 2 else 'pass'} each of them within about {distance}."
             f"{series.unread}"

@@ -29,14 +29,8 @@ from pyburgers.common.scratch import scratch_folder
 from pyburgers.common.text_tables import TextTable, look_at
 from pyburgers.common.toml_files import read_tables
 from pyburgers.common.units import UNIT_TABLE, units_text
-from pyburgers.kinds.column_names import (
-    ALONG_AXIS,
-    COLUMN_NAMES,
-    plain,
-)
-from pyburgers.kinds.contradicted_names import (
-    contradicted_form,
-)
+from pyburgers.kinds.column_names import ALONG_AXIS, COLUMN_NAMES, plain
+from pyburgers.kinds.contradicted_names import contradicted_form
 from pyburgers.kinds.guessed_columns import (
     GuessedColumn,
     first_of_tests,

@@ -20,9 +20,7 @@ from pyburgers.kinds.column_names import (
     unit_in_name,
 )
 from pyburgers.kinds.conditions import temperature_range
-from pyburgers.kinds.contradicted_names import (
-    other_form,
-)
+from pyburgers.kinds.contradicted_names import other_form
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.guessed_columns import BY_NAME, guess_columns
 from pyburgers.kinds.new_file import MIN_RUN_READINGS, Columns, NewFile, facts_of

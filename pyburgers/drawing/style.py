@@ -18,12 +18,7 @@ from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter, StrMethodF
 
 from pyburgers.common.atomic_files import write_bytes, write_text
 from pyburgers.common.csv_tables import csv_text
-from pyburgers.drawing.figure_data import (
-    SERIES_ID,
-    figure_data,
-    name_series,
-    panel_scales,
-)
+from pyburgers.drawing.figure_data import SERIES_ID, figure_data, name_series, panel_scales
 
 # The palette of Okabe and Ito (2008), which readers with any colour vision can tell apart.
 BLACK, GREY = "#000000", "#b8b8b8"

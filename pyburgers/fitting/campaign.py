@@ -27,13 +27,8 @@ from pyburgers.common.scratch import scratch_folder
 from pyburgers.common.tasks import ALL_HERE, Workers, run_tasks
 from pyburgers.common.toml_files import NAME, Table, read_json, read_toml
 from pyburgers.fitting.fit import Fit, fit_problem
-from pyburgers.fitting.problem_run import (
-    input_texts,
-    problem_record,
-    recorded_problem,
-    settled_options,
-    write_inputs,
-)
+from pyburgers.fitting.problem_run import problem_record, recorded_problem, settled_options
+from pyburgers.fitting.run_inputs import input_texts, write_inputs
 from pyburgers.kinds.conditions import tell_doubts
 from pyburgers.kinds.experiment import A_TEST, Experiment
 from pyburgers.kinds.kind import load_experiment
@@ -44,12 +39,7 @@ from pyburgers.kinds.together import pooling_for, priors_for
 from pyburgers.model.priors import SOME_PRIORS, PriorSet
 from pyburgers.model.variants import with_variant
 from pyburgers.sampling.manifest import COMPLETE, FitManifest
-from pyburgers.sampling.options import (
-    SOME_OPTIONS,
-    SamplerOptions,
-    options_table,
-    recorded_options,
-)
+from pyburgers.sampling.options import SOME_OPTIONS, SamplerOptions, options_table, recorded_options
 from pyburgers.sampling.run import fingerprint
 from pyburgers.sampling.run_directory import RunDirectory
 

@@ -32,12 +32,7 @@ from pyburgers.kinds.problem import Problem, one_test, problem_of
 from pyburgers.kinds.stan_data import SolverOptions
 from pyburgers.kinds.together import default_priors_for, pooling_for
 from pyburgers.model.pooling import pooling_from
-from pyburgers.model.priors import (
-    FLOW_LAW,
-    JOINT_PRIOR,
-    SOME_PRIORS,
-    PriorSet,
-)
+from pyburgers.model.priors import FLOW_LAW, JOINT_PRIOR, SOME_PRIORS, PriorSet
 from pyburgers.model.variants import ModelVariant
 from pyburgers.posterior.build import build_posterior
 from pyburgers.posterior.groups import load_posterior

@@ -6,10 +6,8 @@ Chains continue with shorter steps, or because their draws are too few.
 import logging
 import math
 import re
-import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -25,20 +23,20 @@ from pyburgers.checks.fit_checks import (
     run_checks,
 )
 from pyburgers.cmdstan.program import Density
-from pyburgers.common.atomic_files import write_json, write_text
+from pyburgers.common.atomic_files import write_json
 from pyburgers.common.draws import FloatArray
 from pyburgers.common.errors import InputError
-from pyburgers.common.toml_files import read_json, read_tables
+from pyburgers.common.toml_files import read_json
 from pyburgers.common.units import counted, duration_text
 from pyburgers.fitting.charts_at_modes import ChosenChart, choose_chart, draw_start
+from pyburgers.fitting.run_inputs import input_texts, other_files, write_inputs
 from pyburgers.fitting.sampled_fit import FitT, SampledFit
-from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.kind import load_experiment
 from pyburgers.kinds.problem import Problem, problem_of
 from pyburgers.kinds.program_data import density_of
 from pyburgers.kinds.stan_data import REFERENCE_SOLVER, SolverOptions, solver_block, solver_in
 from pyburgers.model.pooling import pooling_from
-from pyburgers.model.priors import PriorSet, load_priors, priors_text
+from pyburgers.model.priors import load_priors
 from pyburgers.sampling.chains import chains_at_once
 from pyburgers.sampling.manifest import FitManifest, NoisyTolerance
 from pyburgers.sampling.modes import noisy_tolerances
@@ -217,19 +215,6 @@ def problem_record(problem: Problem) -> dict[str, Any]:
     }
 
 
-def input_texts(experiments: Sequence[Experiment], priors: PriorSet) -> dict[str, str]:
-    """Return the files that a run needs to be trusted and repeated, by their paths in its folder.
-
-    Of the files of a test the TOML file is last: it is what tells that the copy is complete.
-    """
-    tests = {
-        RunDirectory(Path()).test_file(experiment.id).with_name(name).as_posix(): text
-        for experiment in experiments
-        for name, text in experiment.file_texts().items()
-    }
-    return {**tests, RunDirectory(Path()).priors_file.as_posix(): priors_text(priors)}
-
-
 def recorded_problem(run: RunDirectory, record: Mapping[str, Any]) -> Problem:
     """Return what a run fits, from its copies of tests and priors and its `problem_record`."""
     return problem_of(
@@ -237,36 +222,6 @@ def recorded_problem(run: RunDirectory, record: Mapping[str, Any]) -> Problem:
         load_priors(run.priors_file),
         pooling_from(record["pooling"]),
     )
-
-
-def write_inputs(run: RunDirectory, texts: Mapping[str, str]) -> None:
-    """Save `input_texts`; tell which files of tests differ from the copies that they replace."""
-    for name, text in texts.items():
-        file = run.path / name
-        before = file.read_text(encoding="utf-8") if file.is_file() else None
-        if text == before:
-            continue
-        if before is not None and file != run.priors_file:
-            logger.info(
-                f"The run has another copy of {_different_file(file, text)}: it is renewed."
-            )
-        file.parent.mkdir(parents=True, exist_ok=True)
-        # A killed process leaves nothing unfinished beside the copies.
-        scratch = run.new_scratch()
-        write_text(scratch / file.name, text)
-        (scratch / file.name).replace(file)
-        scratch.rmdir()
-    for stale in {*run.inputs.glob("tests/*/experiment*")} - {run.path / name for name in texts}:
-        stale.unlink()
-
-
-def _different_file(file: Path, text: str) -> str:
-    """Name a file of a test of which a run has another copy, with the keys that differ."""
-    if file.suffix != ".toml":
-        return f"readings of test {file.parent.name}"
-    old, new = read_tables(file) if file.is_file() else {}, tomllib.loads(text)
-    keys = [key for key in {**old, **new} if old.get(key) != new.get(key)]
-    return f"the file of test {file.parent.name} ({', '.join(keys) or 'its layout'})"
 
 
 def refusal(
@@ -313,7 +268,7 @@ def _differences(
     for name in different[:1] if "tests" in different else different:
         yield f"{name} {ours[name]} where the run has {theirs.get(name)}"
     if "tests" not in different:
-        yield from _other_files(run, inputs)
+        yield from other_files(run, inputs)
 
 
 def _decisive(record: Mapping[str, Any], free: Sequence[str]) -> dict[str, Any]:
@@ -333,25 +288,6 @@ def _decisive(record: Mapping[str, Any], free: Sequence[str]) -> dict[str, Any]:
         pooled = record["pooling"]["kinds"]
         decisive |= {f"pooling of {name}": pooled.get(name) for name in free}
     return decisive
-
-
-def _other_files(run: RunDirectory, inputs: Mapping[str, str]) -> Iterator[str]:
-    """Compare the copies of tests and priors with those that the run would have."""
-    *tests, (_, priors) = inputs.items()
-    for name, text in sorted(tests):
-        file = run.path / name
-        if not file.is_file() or file.read_text(encoding="utf-8") != text:
-            yield _different_file(file, text)
-    now, before = tomllib.loads(priors), read_tables(run.priors_file)
-    ours, theirs = (
-        {name: {**prior, "source": "", "read_off": []} for name, prior in one["parameters"].items()}
-        for one in (now, before)
-    )
-    for name in {**ours, **theirs}:
-        if ours.get(name) != theirs.get(name):
-            yield f"prior of {name}"
-    if now.get("flow_law") != before.get("flow_law"):
-        yield "prior of the flow law"
 
 
 MAX_REFITS = 2

@@ -18,9 +18,7 @@ from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
 from pyburgers.kinds.attenuation.files import KIND as ATTENUATION
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment
 from pyburgers.kinds.constant_rate.files import KIND as CONSTANT_RATE
-from pyburgers.kinds.contradicted_names import (
-    contradicted_units,
-)
+from pyburgers.kinds.contradicted_names import contradicted_units
 from pyburgers.kinds.experiment_file import test_of
 from pyburgers.kinds.forced_oscillation.experiment import OscillationExperiment
 from pyburgers.kinds.forced_oscillation.files import KIND as FORCED_OSCILLATION

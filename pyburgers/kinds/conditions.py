@@ -16,7 +16,7 @@ from pyburgers.kinds.forced_oscillation.experiment import OscillationExperiment
 from pyburgers.kinds.kind import solution_columns
 from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
-from pyburgers.model.arrhenius import GAS_CONSTANT
+from pyburgers.model.arrhenius import log_flow_rate
 from pyburgers.model.environment import acting_environment
 from pyburgers.model.laws import DASHPOT_STRESSES, DISLOCATIONS_SWITCH, HARDENING_SWITCH
 from pyburgers.model.parameters import ENVIRONMENT, STANDARD_VALUES
@@ -92,9 +92,11 @@ def _unlikely_flow(experiment: Experiment, priors: PriorSet) -> Iterator[str]:
     ):
         return
     drawn = _drawn_flow_law(priors)
-    arrhenius = drawn["beta"] - 1.0 / (GAS_CONSTANT * experiment.temperature)
-    log_rate = drawn["activation_enthalpy"] * arrhenius - drawn["grain_size_exponent"] * np.log(
-        experiment.initial_grain_size
+    log_rate = log_flow_rate(
+        drawn,
+        stress=1.0,
+        grain_size=experiment.initial_grain_size,
+        temperature=experiment.temperature,
     )
     rates = np.log([segment.strain_rate for segment in experiment.segments])
     slow, fast = ((end - log_rate) / drawn["stress_exponent"] for end in (min(rates), max(rates)))

@@ -18,7 +18,7 @@ from pyburgers.common.atomic_files import write_json
 from pyburgers.common.errors import InputError
 from pyburgers.common.paths import given_path
 from pyburgers.common.toml_files import Table, Word, read_json
-from pyburgers.model.arrhenius import GAS_CONSTANT
+from pyburgers.model.arrhenius import GAS_CONSTANT, log_flow_rate
 from pyburgers.model.peak_test import PeakTest
 
 PRIOR_QUANTITIES = ("stress_exponent", "grain_size_exponent", "log_reference_flow_rate", "beta")
@@ -126,18 +126,8 @@ class FlowLawPrior:
         }
 
     def log_flow_rate(self, values: Mapping[str, npt.ArrayLike]) -> FloatArray:
-        """ln(flow rate s) at the conditions: `log_flow_rate` of the Stan functions.
-
-        The values are n, p, Q_M (J/mol) and beta (mol/J) by name, of any shape.
-        """
-        at = self.conditions
-        arrhenius = np.asarray(values["beta"]) - 1 / (GAS_CONSTANT * at.temperature)
-        log_rate: FloatArray = (
-            np.asarray(values["stress_exponent"]) * np.log(at.stress)
-            - np.asarray(values["grain_size_exponent"]) * np.log(at.grain_size)
-            + np.asarray(values["activation_enthalpy"]) * arrhenius
-        )
-        return log_rate
+        """ln(flow rate s) at the conditions, of n, p, Q_M (J/mol) and beta (mol/J) by name."""
+        return log_flow_rate(values, **asdict(self.conditions))
 
     def scores(self, values: Mapping[str, npt.ArrayLike]) -> FloatArray:
         """Independent standard normal scores of n, p, Q_M and beta, along the last axis.

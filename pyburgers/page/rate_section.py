@@ -32,13 +32,7 @@ from pyburgers.model.display import (
 )
 from pyburgers.model.reference_quantities import REFERENCE_FLOW_RATE_QUANTITY
 from pyburgers.page.mechanism_figures import MECHANISM_COLOURS, map_caption, mechanism_figure
-from pyburgers.page.tables import (
-    DECISION,
-    checks_page_table,
-    fixed_row,
-    not_by_data,
-    posterior_row,
-)
+from pyburgers.page.tables import DECISION, checks_page_table, fixed_row, not_by_data, posterior_row
 from pyburgers.posterior.labelled_draws import own_name
 
 RATE_KEY = "rates"

@@ -12,12 +12,7 @@ import pandas as pd
 import xarray as xr
 
 from pyburgers.checks.fit_checks import CheckResult, Outcome
-from pyburgers.checks.prior_influence import (
-    READ_OFF,
-    Influence,
-    Origin,
-    decision_text,
-)
+from pyburgers.checks.prior_influence import READ_OFF, Influence, Origin, decision_text
 from pyburgers.common.draws import band_text, is_misled_by_sd
 from pyburgers.common.units import number, rounded
 from pyburgers.drawing.page_parts import PageTable

@@ -34,11 +34,7 @@ from pyburgers.common.netcdf_files import write_netcdf
 from pyburgers.common.units import UNITS
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.sampled_fit import A_FIT
-from pyburgers.kinds.conditions import (
-    doubtful_conditions,
-    environment_ranges,
-    longer_than_tests,
-)
+from pyburgers.kinds.conditions import doubtful_conditions, environment_ranges, longer_than_tests
 from pyburgers.kinds.kind import FittedTest
 from pyburgers.model.closed_forms import closed_forms, require_no_backstress, require_standard
 from pyburgers.model.display import STRESS_UNIT

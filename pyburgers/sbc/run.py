@@ -23,13 +23,8 @@ from pyburgers.common.locks import process_lock
 from pyburgers.common.tasks import ALL_HERE, Workers, run_tasks
 from pyburgers.common.toml_files import Table, read_json_table
 from pyburgers.common.units import UNITS
-from pyburgers.fitting.problem_run import (
-    input_texts,
-    problem_record,
-    recorded_problem,
-    settled_options,
-    write_inputs,
-)
+from pyburgers.fitting.problem_run import problem_record, recorded_problem, settled_options
+from pyburgers.fitting.run_inputs import input_texts, write_inputs
 from pyburgers.kinds.conditions import tell_doubts
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.problem import Problem, problem_of

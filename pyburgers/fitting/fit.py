@@ -173,7 +173,12 @@ class Fit(SampledFit):
 
     @cached_property
     def prior_doubts(self) -> tuple[str, ...]:
-        """What is unlikely about the priors, of a joint fit about those of all tests."""
+        """What is unlikely about the priors, of a joint fit about those of all tests.
+
+        Examples
+        --------
+        >>> sentences = fit.prior_doubts
+        """
         problem = (self.whole or self).problem
         return prior_doubts(problem.given_priors, problem.experiments)
 

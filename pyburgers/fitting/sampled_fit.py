@@ -148,7 +148,12 @@ class SampledFit(ABC):
 
     @property
     def prior_doubts(self) -> tuple[str, ...]:
-        """Sentences about priors that are unlikely."""
+        """Sentences about priors that are unlikely.
+
+        Examples
+        --------
+        >>> sentences = fit.prior_doubts
+        """
         return ()
 
     @abstractmethod

@@ -84,7 +84,12 @@ class RateFit(SampledFit):
 
     @cached_property
     def prior_doubts(self) -> tuple[str, ...]:
-        """What is unlikely about the priors."""
+        """What is unlikely about the priors.
+
+        Examples
+        --------
+        >>> sentences = fit.prior_doubts
+        """
         return tuple(unlikely_priors(self.law.priors, self.data.material))
 
     def _influences_on(self, derived: Mapping[str, FloatArray]) -> dict[str, dict[str, Influence]]:

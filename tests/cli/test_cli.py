@@ -110,7 +110,7 @@ def test_a_fit_prints_table_and_checks_and_check_repeats_the_verdicts(
     assert re.search(r"^passed +chains: ", out, re.MULTILINE)
     assert "Coordinates: " in error
     assert re.search(
-        r"^Sampling with \d+ readings, whose draws take about 1 MB\.$", error, re.MULTILINE
+        r"^Sampling with \d+ readings; the run takes about 1 MB\.$", error, re.MULTILINE
     )
     assert error.count("100% of 2 chains of 200 iterations (sampling)\n") == 1
     assert "iterations" not in out

@@ -132,7 +132,7 @@ def test_a_corrected_origin_of_the_data_is_that_of_the_run(
     copies = RunDirectory(out).test_file(test.id).parent
     (copies / "experiment_old.csv").write_text("", encoding="utf-8")
     RunDirectory(out).update_manifest({"hashes": {}})
-    caplog.set_level(logging.INFO, "pyburgers.fitting.problem_run")
+    caplog.set_level(logging.INFO, "pyburgers.fitting.run_inputs")
     provenance = replace(test.provenance, kind="measured", source="Corrected")
     corrected = replace(test, provenance=provenance, true_parameters=None)
     keys = "provenance, true_parameters"

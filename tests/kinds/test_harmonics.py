@@ -207,6 +207,12 @@ class TestPeriod:
         period = estimate_period(time, noisy, uncertainty=np.full(time.size, NOISE))
         assert period == pytest.approx(true, rel=1e-3)
 
+    @pytest.mark.parametrize("n_readings", [2, 3, 4])
+    def test_a_few_readings_have_none(self, n_readings: int) -> None:
+        time = times()[:n_readings]
+        with pytest.raises(InputError, match=f"found {n_readings} readings, expected"):
+            estimate_period(time, oscillation(time), uncertainty=np.full(time.size, NOISE))
+
     def test_a_long_record_takes_little_memory(self) -> None:
         time, rng = 0.6 * np.arange(1e5), np.random.default_rng(1)
         value = np.sin(OMEGA * time) + rng.standard_normal(time.size)

@@ -283,8 +283,16 @@ def _rough_frequency(time: FloatArray, value: FloatArray, lowest: float, highest
 
 
 def estimate_period(time: FloatArray, value: FloatArray, *, uncertainty: FloatArray) -> float:
-    """Estimate the period (s): least squares from the highest peak of the periodogram on."""
+    """Estimate the period (s): least squares from the highest peak of the periodogram on.
+
+    Raise InputError if the readings are too few to hold a cycle.
+    """
     length = float(time[-1] - time[0])
+    if time.size <= CUBIC:
+        raise InputError(
+            f"found {time.size} readings, expected several in each of some cycles to estimate the "
+            "period from."
+        )
     cubic = legendre.Legendre.fit(time, value, CUBIC)
     highest = 0.5 / float(np.median(np.diff(time)))
     frequency, _ = strongest_frequency(time, value - cubic(time), 1.0 / length, highest)

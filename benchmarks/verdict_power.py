@@ -13,25 +13,24 @@ fewer draws than it counts.
 import argparse
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from itertools import pairwise
+from functools import partial
+from itertools import pairwise, product
 from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 
 import pyburgers
 from pyburgers.checks.fit_checks import CheckedDraws, CheckKind, Outcome, run_checks
 from pyburgers.checks.verdicts import CHECKS, verdicts
-from pyburgers.common.csv_tables import write_columns
-from pyburgers.common.errors import SamplingError
-from pyburgers.kinds.forward import simulate
+from pyburgers.common.array_types import FloatArray
 
-FloatArray = npt.NDArray[np.float64]
+TEMPERATURE, RATE, STRESS, DURATION = 263.0, 1e-4, 4e6, 8000.0
+"""Kelvin, 1/s, Pa, s; of the curve up to a strain of 0.2, and of the creep test."""
 
-TEMPERATURE, GRAIN_SIZE, RATE, STRESS, DURATION = 263.0, 230e-6, 1e-4, 4e6, 8000.0
-"""Kelvin, metres, 1/s, Pa, s; of the curve up to a strain of 0.2, and of the creep test."""
+SOURCE = "Simulated by benchmarks/verdict_power.py"
 
 STRAINS = np.linspace(0.002, 0.2, 100)
 TIMES = np.geomspace(8.0, DURATION, 100)
@@ -67,64 +66,32 @@ LAWS: Mapping[str, Mapping[str, float]] = MappingProxyType(
 )
 """Parameters (SI) of the Kelvin part of the truth."""
 
-HEAD = """id = "{name}"
-material = "ice"
-protocol = "{protocol}"
-temperature_K = {temperature}
-initial_grain_size_m = {grain_size}
-"""
-
-TAIL = """
-[data]
-file = "{name}.csv"
-{columns}
-
-[provenance]
-kind = "synthetic"
-source = "Simulated by benchmarks/verdict_power.py"
-"""
-
-CURVE_COLUMNS = """strain_column = "strain"
-strain_unit = "fraction"
-stress_column = "stress_Pa"
-stress_unit = "Pa"
-"""
-
-CREEP_COLUMNS = """time_column = "time_s"
-time_unit = "s"
-strain_column = "strain"
-strain_unit = "fraction"
-"""
+SAMPLE: Mapping[str, Any] = MappingProxyType(
+    {"material": "ice", "temperature_K": TEMPERATURE, "grain_size_um": 230.0}
+)
 
 
-def history(kind: str, misfit: str, folder: Path) -> Path:
-    """Write the loading that the sample sees, as an experiment file without data."""
+def imposed(kind: str, misfit: str) -> pyburgers.HistoryExperiment:
+    """Return the loading that the sample sees, without readings."""
     drift = TEMPERATURE_DRIFT if misfit == "temperature_drift_5_K" else 0.0
     end = STRAINS[-1] / RATE if kind == "curve" else DURATION
-    edges = np.linspace(0.0, end, STEPS + 1 if drift else 2)
-    stages = []
-    for k, (start, stop) in enumerate(pairwise(edges)):
-        temperature = TEMPERATURE + drift * (k + 0.5) / (len(edges) - 1)
-        if kind == "curve":
-            control = f'control = "strain_rate"\nstrain_rate_per_s = {RATE}'
-        elif misfit == "load_drift_3_percent":
-            control = (
-                f'control = "stress_rate"\nstart_stress = {STRESS}\n'
-                f"stress_rate = {LOAD_DRIFT * STRESS / end}"
-            )
-        else:
-            control = f'control = "stress"\nstress = {STRESS}'
-        stages.append(
-            f"\n[[stages]]\n{control}\nstart_time = {start}\nend_time = {stop}\n"
-            f"temperature_K = {temperature}\n"
-        )
-    text = HEAD.format(
-        name="driven", protocol="loading_history", temperature=TEMPERATURE, grain_size=GRAIN_SIZE
-    )
-    text += "".join(stages) + '\n[provenance]\nkind = "synthetic"\nsource = "simulated"\n'
-    path = folder / "driven.toml"
-    path.write_text(text)
-    return path
+    edges = np.linspace(0.0, end, STEPS + 1 if drift else 2).tolist()
+    control: dict[str, Any] = {"control": "stress", "stress": STRESS}
+    if kind == "curve":
+        control = {"control": "strain_rate", "strain_rate_per_s": RATE}
+    elif misfit == "load_drift_3_percent":
+        rate = LOAD_DRIFT * STRESS / end
+        control = {"control": "stress_rate", "start_stress": STRESS, "stress_rate": rate}
+    stages = [
+        {
+            **control,
+            "start_time": start,
+            "end_time": stop,
+            "temperature_K": TEMPERATURE + drift * (k + 0.5) / (len(edges) - 1),
+        }
+        for k, (start, stop) in enumerate(pairwise(edges))
+    ]
+    return pyburgers.LoadingHistory(stages=stages, time_unit="s", stress_unit="Pa", **SAMPLE)
 
 
 def noise(misfit: str, n: int, rng: np.random.Generator) -> FloatArray:
@@ -141,18 +108,18 @@ def noise(misfit: str, n: int, rng: np.random.Generator) -> FloatArray:
     return found
 
 
-def write_test(kind: str, misfit: str, seed: int, folder: Path) -> Path:
-    """Write data simulated at a draw from the prior, and what a user would say of them."""
+def simulated(kind: str, misfit: str, seed: int) -> pyburgers.Experiment:
+    """Return data simulated at a draw from the prior, with what a user would say of them."""
     rng = np.random.default_rng([seed, MISFITS.index(misfit), kind == "creep"])
-    driven = pyburgers.load_experiment(history(kind, misfit, folder))
+    driven = imposed(kind, misfit)
     times = STRAINS / RATE if kind == "curve" else TIMES
     low, high = STRESS_RANGE if kind == "curve" else STRAIN_RANGE
     priors = pyburgers.priors("ice").resolved(1e6)
     while True:
         values = {**priors.sample(rng), **LAWS.get(misfit, {})}
         try:
-            solution = simulate(driven, values, at=times)
-        except SamplingError:
+            solution = pyburgers.simulate(driven, values, at=times)
+        except pyburgers.SamplingError:
             continue
         read = solution["stress_Pa" if kind == "curve" else "strain"].to_numpy()
         if low <= np.abs(read).max() <= high:
@@ -163,58 +130,48 @@ def write_test(kind: str, misfit: str, seed: int, folder: Path) -> Path:
     if misfit == "displaced":  # the zero of the reading was lost
         read = read + 10.0 * size
     read = read + size * noise(misfit, read.size, rng)
-    name = f"{kind}_{misfit}_{seed}"
-    head = HEAD.format(
-        name=name,
-        protocol="constant_rate" if kind == "curve" else "loading_history",
-        temperature=TEMPERATURE,
-        grain_size=GRAIN_SIZE,
-    )
+    about = {**SAMPLE, "name": f"{kind}_{misfit}_{seed}", "kind": "synthetic", "source": SOURCE}
     if kind == "curve":
-        head += f"\n[[segments]]\nstart_strain = 0.0\nstrain_rate_per_s = {RATE}\n"
-        columns, table = CURVE_COLUMNS, {"strain": STRAINS, "stress_Pa": read}
-    else:
-        head += (
-            f'\n[[stages]]\ncontrol = "stress"\nstress = {STRESS}\nstart_time = 0.0\n'
-            f"end_time = {DURATION}\n"
+        return pyburgers.ConstantRateTest(
+            strain=STRAINS,
+            strain_unit="fraction",
+            stress=read,
+            stress_unit="Pa",
+            strain_rate=RATE,
+            **about,
         )
-        columns, table = CREEP_COLUMNS, {"time_s": TIMES, "strain": read}
-    write_columns(folder / f"{name}.csv", table)
-    path = folder / f"{name}.toml"
-    path.write_text(head + TAIL.format(name=name, columns=columns))
-    return path
+    return pyburgers.CreepTest(
+        time=TIMES,
+        time_unit="s",
+        strain=read,
+        strain_unit="fraction",
+        stress=STRESS,
+        stress_unit="Pa",
+        **about,
+    )
 
 
 def fit_all(
     out: Path, kinds: Sequence[str], misfits: Sequence[str], seeds: Sequence[int], draws: int
 ) -> None:
     """Give each test so many draws a chain; one that cannot be sampled is named and left out."""
-    for seed in seeds:
-        for kind in kinds:
-            for misfit in misfits:
-                folder = out / f"{kind}_{misfit}_{seed}"
-                run = folder / "run"
-                if not run.exists():
-                    folder.mkdir(parents=True, exist_ok=True)
-                    write_test(kind, misfit, seed, folder)
-                try:
-                    found = fit_test(folder, seed, None)
-                    lacking = draws - found.checked_draws.posterior["posterior"].sizes["draw"]
-                    if lacking > 0:
-                        fit_test(folder, seed, lacking)
-                except SamplingError as error:
-                    print(f"{folder.name}: {error}")
-
-
-def fit_test(folder: Path, seed: int, more_draws: int | None) -> pyburgers.Fit:
-    """Fit the test of a folder, or add draws to each chain of its fit."""
-    return pyburgers.fit(
-        pyburgers.load_experiment(folder / f"{folder.name}.toml"),
-        pyburgers.priors("ice"),
-        options=pyburgers.SamplerOptions(chains=CHAINS, draws=FIRST_DRAWS, warmup=400, seed=seed),
-        out=folder / "run",
-        more_draws=more_draws,
-    )
+    for seed, kind, misfit in product(seeds, kinds, misfits):
+        test = simulated(kind, misfit, seed)
+        fit = partial(
+            pyburgers.fit,
+            test,
+            pyburgers.priors("ice"),
+            options=pyburgers.SamplerOptions(
+                chains=CHAINS, draws=FIRST_DRAWS, warmup=400, seed=seed
+            ),
+            out=out / test.id / "run",
+        )
+        try:
+            lacking = draws - fit().checked_draws.posterior["posterior"].sizes["draw"]
+            if lacking > 0:
+                fit(more_draws=lacking)
+        except pyburgers.SamplingError as error:
+            print(f"{test.id}: {error}")
 
 
 def thinned(fit: pyburgers.Fit, count: int) -> CheckedDraws:
@@ -226,13 +183,9 @@ def thinned(fit: pyburgers.Fit, count: int) -> CheckedDraws:
 
 
 def judge(out: Path, counts: Sequence[int]) -> pd.DataFrame:
-    """Verdicts of every run, with so many draws of each, evenly thinned.
+    """Return verdicts of every run, with so many draws of each, evenly thinned.
 
-    Returns
-    -------
-    DataFrame
-        Columns kind, misfit, seed, draws, sampled, describes, failed (names of the checks that
-        said no).
+    The column failed has the names of the checks that said no.
     """
     rows = []
     for folder in sorted(

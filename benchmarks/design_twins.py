@@ -12,7 +12,6 @@ there. Each twin is one row of OUT/twins.csv. The same command goes on where it 
 settings take another folder.
 """
 
-import argparse
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -22,7 +21,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 from first_go import data_set
-from growing_tables import Key, Row, grow
+from growing_tables import Key, Row, grow, parser_of
 from measures import core_seconds
 from tables import ROOT, markdown
 
@@ -54,16 +53,12 @@ LEAST_ESS = 100
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Fit the twins that are missing, and write the table."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("out", type=Path)
-    parser.add_argument("--seeds", nargs="+", type=int, default=range(N_TWINS))
+    parser = parser_of(__doc__, range(N_TWINS))
     parser.add_argument("--chains", type=int, default=SHORT_RUN.chains)
     parser.add_argument("--draws", type=int, default=SHORT_RUN.draws)
-    parser.add_argument("--jobs", type=int, help="twins side by side; default one for each core")
     options = parser.parse_args(arguments)
     # Each twin is one process: its chains take turns.
     sampler = replace(SHORT_RUN, chains=options.chains, draws=options.draws)
-    options.out.mkdir(parents=True, exist_ok=True)
     tasks: dict[Key, Sequence[object]] = {
         (seed,): (options.out, seed, sampler) for seed in options.seeds
     }

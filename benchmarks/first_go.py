@@ -10,7 +10,6 @@ row of OUT/first_go.csv. The same command goes on where it stopped; with other s
 folder.
 """
 
-import argparse
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -20,7 +19,7 @@ from types import MappingProxyType
 
 import numpy as np
 import pandas as pd
-from growing_tables import Key, Row, grow
+from growing_tables import Key, Row, grow, parser_of
 from measures import core_seconds, measure
 from tables import ROOT, markdown
 
@@ -47,14 +46,9 @@ TEMPLATES = DATA / "calibration"
 class DataSets:
     """Where data sets of a kind come from.
 
-    Attributes
-    ----------
-    templates : tuple of Path
-        Files of the tests whose conditions they have.
-    priors : Path or None
-        Priors of their truths; None takes those of calibrations.
-    stress_range, strain_range : tuple of float, or None
-        Least and largest stress (Pa) and strain of data like those of a laboratory.
+    `templates`: files of the tests whose conditions they have.
+    `priors`: of their truths; None takes those of calibrations.
+    `stress_range`, `strain_range`: of data like those of a laboratory (Pa, fraction).
     """
 
     templates: tuple[Path, ...]
@@ -99,24 +93,16 @@ LOADS = ((1500.0, 5e6), (1000.0, 5e5), (1500.0, 6e6))
 class FirstGo:
     """One fit: a row of the table.
 
-    Attributes
-    ----------
-    kind, seed
-        Of the data set.
-    sampled_well : str
-        Verdict in the end: yes, no or cannot tell.
-    failed_checks : str
-        Names of the sampling checks without a yes.
-    coordinates : str
-        Of the sampler.
-    divergences, shortened, draws : int
-        Divergences among the draws of the end and among those put aside; how often chains went on
-        with shorter steps; draws of a chain in the end.
-    core_seconds, leapfrogs_per_draw, gradients : float
-        Of all chains with warm-up. Seconds are those of the processes, so each needs a core of its
-        own; gradients of the warm-up are estimated by its time.
-    rhat, least_ess, ess_per_core_second : float
-        The worst bulk or tail number over the sampled quantities.
+    `sampled_well`: verdict in the end: yes, no or cannot tell.
+    `failed_checks`: names of the sampling checks without a yes.
+    `divergences`: among the draws of the end and among those put aside.
+    `shortened`: how often chains went on with shorter steps.
+    `draws`: of a chain in the end.
+    `core_seconds`, `leapfrogs_per_draw`, `gradients`: of all chains with warm-up. Seconds are those
+        of the processes, so each needs a core of its own; gradients of the warm-up are estimated by
+        its time.
+    `rhat`, `least_ess`, `ess_per_core_second`: the worst bulk or tail number over the sampled
+        quantities.
     """
 
     kind: str
@@ -137,17 +123,13 @@ class FirstGo:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Fit what is missing, and write the tables."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("out", type=Path)
+    parser = parser_of(__doc__, range(N_DATA_SETS))
     parser.add_argument("--kinds", nargs="+", choices=KINDS, default=list(KINDS))
-    parser.add_argument("--seeds", nargs="+", type=int, default=range(N_DATA_SETS))
     parser.add_argument("--chains", type=int, default=SamplerOptions.chains)
     parser.add_argument("--draws", type=int, default=SamplerOptions.draws)
-    parser.add_argument("--jobs", type=int, help="fits side by side; default one for each core")
     options = parser.parse_args(arguments)
     # Each fit is one process: its chains take turns.
     sampler = SamplerOptions(chains=options.chains, draws=options.draws, parallel_chains=1)
-    options.out.mkdir(parents=True, exist_ok=True)
     tasks: dict[Key, Sequence[object]] = {
         (kind, seed): (options.out, kind, seed, sampler)
         for seed in options.seeds

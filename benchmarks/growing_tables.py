@@ -1,5 +1,6 @@
 """Tables of many fits that grow row by row, and go on from their file."""
 
+import argparse
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
@@ -9,6 +10,15 @@ from pyburgers.common.tasks import Workers, run_tasks
 
 Row = dict[str, float | str]
 Key = tuple[str | int, ...]
+
+
+def parser_of(doc: str | None, seeds: Sequence[int]) -> argparse.ArgumentParser:
+    """Return the command line of a folder, seeds, and how many tasks are done side by side."""
+    parser = argparse.ArgumentParser(description=doc)
+    parser.add_argument("out", type=Path, metavar="OUT")
+    parser.add_argument("--seeds", nargs="+", type=int, default=seeds)
+    parser.add_argument("--jobs", type=int, help="fits side by side; default one for each core")
+    return parser
 
 
 def grow(
@@ -21,17 +31,10 @@ def grow(
 ) -> None:
     """Do the tasks whose rows are missing, and show the table as it is now and after each.
 
-    Parameters
-    ----------
-    file
-        CSV of the rows, whose columns `keys` are the keys of the tasks.
-    work
-        Function of a module that returns the row of a task.
-    jobs
-        Tasks side by side; None: one for each core.
-    show
-        Receives the table.
+    The columns `keys` of the CSV `file` are the keys of the tasks. `work` is a function of a module
+    that returns the row of a task.
     """
+    file.parent.mkdir(parents=True, exist_ok=True)
     table = pd.DataFrame(columns=list(keys))
     if file.is_file():
         table = pd.read_csv(file)

@@ -5,15 +5,13 @@ its sources and what was read are drawn from the priors. The fit has default opt
 sets that are in the files of OUT already stay, so the same command goes on. Synthetic throughout.
 """
 
-import argparse
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
 import pandas as pd
-from growing_tables import Key, Row, grow
+from growing_tables import Key, Row, grow, parser_of
 from tables import ICE, markdown, verdict_table
 
 from pyburgers.checks.fit_checks import Outcome
@@ -46,13 +44,9 @@ SYNTHETIC = Provenance("synthetic", "drawn from the priors of a law")
 
 def main() -> None:
     """Fit what is missing; write tables and page after each data set."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("out", type=Path, metavar="OUT")
+    parser = parser_of(__doc__, range(200))
     parser.add_argument("--law", choices=[*TABLES], required=True)
-    parser.add_argument("--seeds", type=int, nargs="+", default=[*range(200)])
-    parser.add_argument("--jobs", type=int, help="fits side by side; default one for each core")
     options = parser.parse_args()
-    options.out.mkdir(parents=True, exist_ok=True)
     tasks: dict[Key, Sequence[object]] = {(seed,): (options.law, seed) for seed in options.seeds}
     file = options.out / f"table_ranks_{options.law}.csv"
 

@@ -10,13 +10,9 @@ import pandas as pd
 class ChainFile:
     """Draws and cost of one chain.
 
-    Attributes
-    ----------
-    draws : DataFrame
-        Rows that are complete; warm-up is among them only if it was saved, and a chain stopped
+    `draws`: rows that are complete; warm-up is among them only if it was saved, and a chain stopped
         early may have none.
-    warmup_seconds, sampling_seconds : float
-        CmdStan's own timing; NaN where the chain was stopped.
+    `warmup_seconds`, `sampling_seconds`: CmdStan's own timing; NaN where the chain was stopped.
     """
 
     draws: pd.DataFrame

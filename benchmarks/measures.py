@@ -14,18 +14,11 @@ from pyburgers.posterior.labelled_draws import convergence_table
 
 @dataclass(frozen=True)
 class Measures:
-    """Cost and yield of a fit; times are of CmdStan, summed over its chains.
+    """Cost and yield of a fit; times are of CmdStan, of one core, summed over its chains.
 
-    Attributes
-    ----------
-    warmup_seconds, sampling_seconds : float
-        Of one core.
-    draws, leapfrogs, divergences : int
-        After the warm-up.
-    step_size_ratio : float
-        Smallest step size of a chain over the largest.
-    rhat, ess_bulk, ess_tail : float
-        The worst over the sampled quantities.
+    `draws`, `leapfrogs`, `divergences`: after the warm-up.
+    `step_size_ratio`: smallest step size of a chain over the largest.
+    `rhat`, `ess_bulk`, `ess_tail`: the worst over the sampled quantities.
     """
 
     warmup_seconds: float
@@ -92,9 +85,5 @@ def coordinate_ess_per_1000_gradients(fit: Fit) -> float:
     with_warmup = 1 + sum(chain.warmup_seconds for chain in chains) / sum(
         chain.sampling_seconds for chain in chains
     )
-    return 1e3 * least_ess(draws) / (leapfrogs * with_warmup)
-
-
-def least_ess(draws: np.ndarray) -> float:
-    """Least bulk ESS of draws by chain, draw and coordinate."""
-    return min(float(az.ess(draws[..., k])) for k in range(draws.shape[-1]))
+    least = min(float(az.ess(draws[..., k])) for k in range(draws.shape[-1]))
+    return 1e3 * least / (leapfrogs * with_warmup)

@@ -12,27 +12,26 @@ solved at a tolerance of 1e-12, because the solvers differ between the versions.
 """
 
 import argparse
-import json
 import resource
 import subprocess
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
+from gradients import coordinates, leapfrogs
 from tables import ROOT, markdown
 
 from pyburgers.cmdstan.program import Density, load_program
+from pyburgers.common.array_types import FloatArray
+from pyburgers.common.atomic_files import write_json
 from pyburgers.kinds.kind import load_experiment
 from pyburgers.kinds.likelihood import likelihoods
 from pyburgers.kinds.problem import problem_of
 from pyburgers.kinds.program_data import program_data
 from pyburgers.kinds.stan_data import SolverOptions, StanData
 from pyburgers.model.priors import default_priors
-
-FloatArray = npt.NDArray[np.float64]
 
 TESTS = {
     "attenuation": "ice/attenuation_twin.toml",
@@ -46,9 +45,6 @@ POINTS, SPREAD, SEED = 6, 0.3, 3
 
 TIMED = 100
 """Gradients at each point whose time is taken, at the tolerance of a fit."""
-
-SHORT = 1e-14
-"""Step of a leapfrog that stays where it is."""
 
 LIBRARIES = ("sundials_cvodes", "sundials_idas", "sundials_kinsol", "sundials_nvecserial", "tbb")
 
@@ -110,7 +106,12 @@ def _row(name: str, executable: Path) -> dict[str, str]:
     newer, _ = _newer(executable, precise, points, 1)
     data = program_data(problem, solver=SolverOptions())
     once, often = (_newer(executable, data, points, n)[1] for n in (1, TIMED + 1))
-    old_once, old_often = (_leapfrogs(program.executable, data, points, n) for n in (1, TIMED + 1))
+    with tempfile.TemporaryDirectory() as folder:
+        data_file = Path(folder) / "data.json"
+        write_json(data_file, data)
+        old_once, old_often = (
+            leapfrogs(program, data_file, coordinates(points), n)[1] for n in (1, TIMED + 1)
+        )
     of_gradient = np.abs(newer[:, 1:] - slopes) / np.abs(slopes).max(axis=1, keepdims=True)
     return {
         "program": name,
@@ -127,7 +128,7 @@ def _newer(
     """Return log density and gradient at points, and the processor time (s) that they took."""
     with tempfile.TemporaryDirectory() as folder:
         data_file, points_file = Path(folder) / "data.json", Path(folder) / "points.txt"
-        data_file.write_text(json.dumps(data), encoding="utf-8")
+        write_json(data_file, data)
         np.savetxt(points_file, points, fmt="%.17g")
         before = _seconds()
         said = subprocess.run(
@@ -137,30 +138,6 @@ def _newer(
             check=True,
         ).stdout
         return np.loadtxt(said.splitlines(), ndmin=2), _seconds() - before
-
-
-def _leapfrogs(
-    executable: Path, data: Mapping[str, object], points: FloatArray, number: int
-) -> float:
-    """Return the processor time (s) of CmdStan for leapfrogs that stay where they are."""
-    with tempfile.TemporaryDirectory() as folder:
-        files = {name: Path(folder) / f"{name}.json" for name in ("data", "init", "output")}
-        files["data"].write_text(json.dumps(data), encoding="utf-8")
-        before = _seconds()
-        for point in points:
-            files["init"].write_text(json.dumps({"coordinate": point.tolist()}), encoding="utf-8")
-            subprocess.run(
-                [
-                    *(executable, "method=sample", "num_samples=1", "num_warmup=0", "adapt"),
-                    *("engaged=0", "algorithm=hmc", "engine=static"),
-                    *(f"int_time={number * SHORT}", f"stepsize={SHORT}", "random", "seed=1"),
-                    *("data", f"file={files['data']}", f"init={files['init']}"),
-                    *("output", f"file={files['output']}"),
-                ],
-                stdout=subprocess.DEVNULL,
-                check=True,
-            )
-        return _seconds() - before
 
 
 def _seconds() -> float:

@@ -8,15 +8,13 @@ are timed with both solvers in turn. Writes a table.
 
 import argparse
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-import numpy.typing as npt
 import pandas as pd
 from first_go import data_set
-from gradients import ms_per_gradient
+from gradients import Position, coordinates, ms_per_gradient
 from tables import ICE, RESULTS, ROOT, markdown
 
 from pyburgers.cmdstan.draw_files import read_draws
@@ -30,8 +28,6 @@ from pyburgers.kinds.stan_data import SOLVERS
 from pyburgers.model.priors import default_priors
 from pyburgers.sampling.options import SamplerOptions
 from pyburgers.sampling.run_directory import RunDirectory
-
-FloatArray = npt.NDArray[np.float64]
 
 FILES: Mapping[str, Path] = {
     "PIL40, one rate": ICE / "PIL40.toml",
@@ -65,24 +61,12 @@ take turns. Salt and dunite are measured, ice is synthetic.
 
 @dataclass(frozen=True)
 class Timed:
-    """A fitted test whose gradients are timed.
-
-    Attributes
-    ----------
-    readings : int
-        Of the test.
-    program : Program
-        Its program.
-    data : mapping of str to Path
-        Data of the program for each solver.
-    points : array, shape (n_points, n_coordinates)
-        Draws.
-    """
+    """A fitted test: readings, program, data for each solver, and draws."""
 
     readings: int
     program: Program
     data: Mapping[str, Path]
-    points: FloatArray
+    positions: Sequence[Position]
 
 
 def main() -> None:
@@ -97,7 +81,7 @@ def main() -> None:
         timed = {name: _fitted(one, Path(folder) / name) for name, one in problems.items()}
         rounds = [
             {
-                (name, solver): ms_per_gradient(one.program, data, one.points, TIMED)[1]
+                (name, solver): ms_per_gradient(one.program, data, one.positions, TIMED)[1]
                 for name, one in timed.items()
                 for solver, data in one.data.items()
             }
@@ -125,7 +109,8 @@ def _fitted(problem: Problem, out: Path) -> Timed:
     for number, file in enumerate(data.values()):
         write_json(file, {**run.read_stan_data(), "solver": number})
     (test,) = problem.experiments
-    return Timed(test.n_points, load_program(likelihood_of(test).program), data, points)
+    program = load_program(likelihood_of(test).program)
+    return Timed(test.n_points, program, data, coordinates(points))
 
 
 def _table(taken: pd.DataFrame, timed: Mapping[str, Timed]) -> pd.DataFrame:

@@ -10,28 +10,25 @@ confidence limit. `docs/checks.md` holds what came out.
 """
 
 import argparse
-import logging
 from collections import Counter
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 from linear_fits import LinearModel
 from scipy.stats import beta
 
 from pyburgers.checks.discrepancies import OVER_SCATTER, discrepancies_of
+from pyburgers.common.array_types import FloatArray
 from pyburgers.common.netcdf_files import read_netcdf
 
 LEVELS = (0.003, 0.005, 0.01, 0.02, 0.05, 0.1)
 DRAWS = 400
 CONFIDENCE = 0.975
 
-logger = logging.getLogger("check_sizes")
-
 
 def family_probabilities(
     model: LinearModel, n_fits: int, seed: int
-) -> tuple[npt.NDArray[np.float64], Counter[str]]:
+) -> tuple[FloatArray, Counter[str]]:
     """Least family probability of each fit, and which discrepancies are beyond their limits."""
     least, beyond = [], Counter[str]()
     for draws in model.fits(n_fits, seed, draws=DRAWS):
@@ -64,18 +61,17 @@ def models(runs: list[Path]) -> dict[str, LinearModel]:
 
 def main() -> None:
     """Print a line for each model and level."""
-    logging.basicConfig(level=logging.INFO, format="%(message)s")
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("fits", type=int)
     parser.add_argument("runs", type=Path, nargs="*")
     options = parser.parse_args()
     for number, (name, model) in enumerate(models(options.runs).items()):
         least, beyond = family_probabilities(model, options.fits, number)
-        logger.info(f"{name}: {model.position.size} readings, beyond: {dict(beyond)}")
+        print(f"{name}: {model.position.size} readings, beyond: {dict(beyond)}")
         for level in LEVELS:
             count = int(np.sum(least <= level))
             limit = upper_limit(count, least.size)
-            logger.info(f"  {level}: {count} of {least.size}, upper limit {limit:.2%}")
+            print(f"  {level}: {count} of {least.size}, upper limit {limit:.2%}")
 
 
 if __name__ == "__main__":

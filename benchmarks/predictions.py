@@ -10,30 +10,27 @@ import argparse
 import tempfile
 from dataclasses import replace
 from pathlib import Path
-from types import MappingProxyType
 
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
 from scipy import stats
-from tables import RESULTS, ROOT, markdown
+from tables import ICE, RESULTS, markdown
 
-from pyburgers.checks.fit_checks import CheckKind, Outcome
+from pyburgers.checks.fit_checks import Outcome
+from pyburgers.common.array_types import FloatArray
 from pyburgers.fitting.fit import Fit, fit
 from pyburgers.fitting.prediction import Prediction
+from pyburgers.kinds.arrays import LoadingHistory
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, RateSegment
 from pyburgers.kinds.constant_rate.files import load_constant_rate
-from pyburgers.kinds.experiment import Provenance
 from pyburgers.kinds.forward import simulate, simulate_data
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
-from pyburgers.kinds.loading_history.stages import Stage
 from pyburgers.model.parameters import PARAMETER_BY_NAME
 from pyburgers.model.prior_families import fixed_prior
 from pyburgers.model.priors import PriorSet, default_priors
 from pyburgers.predictions.other_tests import BANDS
 from pyburgers.sampling.options import SamplerOptions
-
-FloatArray = npt.NDArray[np.float64]
 
 EXPLANATION = """# Predicted creep
 
@@ -52,6 +49,8 @@ in the bands of the solution is counted at the ends of both stages and early in 
 
 `expected` is the range that holds 95 % of such counts if every band had its nominal probability.
 """
+
+TWIN = load_constant_rate(ICE / "PIL40.toml")
 
 FREE = ("kelvin_viscosity", "stress_exponent", "activation_enthalpy", "stress_noise")
 """As few as let elements and flow law matter, so that many twins can be fitted."""
@@ -122,15 +121,12 @@ def well_sampled(
 ) -> Fit | None:
     """Fit a test; with longer chains, and then with more draws, where a check of them fails.
 
-    Returns
-    -------
-    Fit or None
-        None if a check fails to the last.
+    None if a check fails to the last.
     """
     longer = out.with_name(out.name + LONGER_NAME)
     for options, folder in ((OPTIONS, out), (LONGER, longer)):
         fitted = fit(test, priors, out=folder, options=replace(options, seed=seed))
-        if are_good(fitted):
+        if fitted.sampled_well is Outcome.YES:
             return fitted
     if not fitted.directory.n_extensions():
         fitted = fit(
@@ -140,20 +136,14 @@ def well_sampled(
             options=replace(LONGER, seed=seed),
             more_draws=MORE_DRAWS,
         )
-    return fitted if are_good(fitted) else None
-
-
-def are_good(fitted: Fit) -> bool:
-    """Return whether every check of the sampling passes."""
-    return fitted.verdicts()[CheckKind.SAMPLING].outcome is Outcome.YES
+    return fitted if fitted.sampled_well is Outcome.YES else None
 
 
 def constant_rate_template() -> ConstantRateExperiment:
     """Return a short test with a step of the rate; its stresses do not matter."""
-    twin = load_constant_rate(ROOT / "data" / "ice" / "PIL40.toml")
     strain = np.concatenate([np.geomspace(5e-4, 0.02, 10), np.linspace(0.021, 0.03, 6)])
     return replace(
-        twin,
+        TWIN,
         segments=(RateSegment(0.0, 1e-4), RateSegment(0.02, 2e-5)),
         strain=strain,
         stress=np.full_like(strain, 5e6),
@@ -163,11 +153,10 @@ def constant_rate_template() -> ConstantRateExperiment:
 
 def mostly_known() -> PriorSet:
     """Return the priors of ice with all but a few parameters known."""
-    twin = load_constant_rate(ROOT / "data" / "ice" / "PIL40.toml")
-    assert twin.true_parameters is not None
+    assert TWIN.true_parameters is not None
     fixed = (
         fixed_prior(PARAMETER_BY_NAME[name], value, "truth of PIL40")
-        for name, value in twin.true_parameters.items()
+        for name, value in TWIN.true_parameters.items()
         if name not in FREE
     )
     return default_priors("ice").exchanging(*fixed)
@@ -182,24 +171,23 @@ def draw_truth(priors: PriorSet, rng: np.random.Generator) -> dict[str, float]:
 
 def creep_of(test: ConstantRateExperiment) -> HistoryExperiment:
     """Return the creep test, without readings, of the sample of another one."""
-    bounds = (0.0, STAGE_TIME, 2 * STAGE_TIME)
-    stages = tuple(
-        Stage("stress", start, end, test.temperature, share * test.largest_stress)
-        for start, end, share in zip(bounds, bounds[1:], (STRESS_SHARE, LOWER_SHARE), strict=False)
-    )
-    return HistoryExperiment(
-        id="creep",
-        material=test.material,
-        temperature=test.temperature,
-        initial_grain_size=test.initial_grain_size,
-        provenance=Provenance("synthetic", "benchmarks/predictions.py"),
-        metadata=MappingProxyType({}),
-        notices=(),
-        true_parameters=None,
+    stages = [
+        {
+            "control": "stress",
+            "start_time": k * STAGE_TIME,
+            "end_time": (k + 1) * STAGE_TIME,
+            "stress": share * test.largest_stress,
+        }
+        for k, share in enumerate((STRESS_SHARE, LOWER_SHARE))
+    ]
+    return LoadingHistory(
         stages=stages,
-        time=np.empty(0),
-        reading_stage=np.empty(0, dtype=np.int64),
-        reading=np.empty(0),
+        time_unit="s",
+        stress_unit="Pa",
+        temperature_K=test.temperature,
+        grain_size_um=1e6 * test.initial_grain_size,
+        material=test.material,
+        name="creep",
     )
 
 

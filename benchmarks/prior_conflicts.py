@@ -8,7 +8,6 @@ stands in `docs/checks.md`; run directories of real fits can be counted as well.
 """
 
 import argparse
-import logging
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -22,8 +21,6 @@ from pyburgers.model.priors import PriorSet
 
 AWAY = (2.0, 3.0, 4.0, 5.0)
 NOISE = (0.01, 0.1, 0.3)
-
-logger = logging.getLogger("prior_conflicts")
 
 
 def count(
@@ -42,7 +39,6 @@ def count(
 
 def main() -> None:
     """Print a line for each kind of model, and one for each run."""
-    logging.basicConfig(level=logging.INFO, format="%(message)s")
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("fits", type=int)
     parser.add_argument("runs", type=Path, nargs="*")
@@ -59,19 +55,17 @@ def main() -> None:
     for kind, fits in kinds.items():
         found, at_bound, of = count(fits)
         limit = upper_limit(found, of)
-        logger.info(f"{kind}: {found} of {of}, upper limit {limit:.2%}; at a bound {at_bound}")
+        print(f"{kind}: {found} of {of}, upper limit {limit:.2%}; at a bound {at_bound}")
     for away in AWAY:
         found, _, of = count(normal_fits(n // 10, 3, draws=draws, away=away), NAMES[0])
-        logger.info(f"truth {away:g} prior sd away: told in {found} of {of}")
+        print(f"truth {away:g} prior sd away: told in {found} of {of}")
     for beyond in AWAY:
         fits = uniform_fits(n // 10, 4, draws=draws, noise=0.03, beyond=beyond)
         found, at_bound, of = count(fits, NAMES[0])
-        logger.info(
-            f"reading {beyond:g} sd beyond a bound: conflict {found}, bound {at_bound}, {of}"
-        )
+        print(f"reading {beyond:g} sd beyond a bound: conflict {found}, bound {at_bound}, {of}")
     for path in options.runs:
         fit = Fit.load(path)
-        logger.info(f"{path}: {fit.prior_conflicts()}")
+        print(f"{path}: {fit.prior_conflicts()}")
 
 
 if __name__ == "__main__":

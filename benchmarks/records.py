@@ -13,11 +13,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 from measures import measure
-from tables import RESULTS, ROOT, markdown
+from tables import ICE, RESULTS, markdown
 
+from pyburgers.common.array_types import FloatArray
 from pyburgers.fitting.fit import fit
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment
 from pyburgers.kinds.constant_rate.files import load_constant_rate
@@ -44,7 +44,7 @@ class Record:
 
     name: str
     noise: float
-    kept: Callable[[npt.NDArray[np.float64]], npt.NDArray[np.float64]]
+    kept: Callable[[FloatArray], FloatArray]
 
 
 RECORDS = (
@@ -94,7 +94,7 @@ def _row(record: Record, folder: Path, seed: int) -> dict[str, str | float]:
 
 
 def _simulated(record: Record, seed: int) -> ConstantRateExperiment:
-    full = load_constant_rate(ROOT / "data" / "ice" / "PIL40.toml")
+    full = load_constant_rate(ICE / "PIL40.toml")
     assert full.true_parameters is not None
     strain = record.kept(full.strain)
     cut = replace(full, id="PIL40_other", strain=strain, final_strain=float(strain[-1]))

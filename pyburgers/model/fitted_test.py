@@ -1,11 +1,13 @@
 """What the laws of a test depend on beside its priors."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import ClassVar
 
 from pyburgers.common.array_types import FloatArray
+from pyburgers.common.errors import InputError
 from pyburgers.model.laws import KELVIN_LAWS
+from pyburgers.model.parameters import GIVEN_TOGETHER
 
 
 class Test(ABC):
@@ -49,3 +51,14 @@ class Test(ABC):
     def extension(self) -> str:
         """A stress or strain that surely pulls the sample, in words; empty for none."""
         return ""
+
+
+def set_up_stress(test: Test, own: Iterable[str]) -> float:
+    """Return the stress (Pa) at which a law is set up whose own parameters are not given."""
+    if test.n_points == 0:
+        names = dict.fromkeys(one for name in own for one in (name, *GIVEN_TOGETHER.get(name, ())))
+        raise InputError(
+            f"{test.id}: a new law is set up at the largest stress of the data, and there "
+            f"are none; give values of the law's own parameters: {', '.join(names)}."
+        )
+    return test.largest_stress

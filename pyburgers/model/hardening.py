@@ -8,10 +8,17 @@ import numpy.typing as npt
 
 from pyburgers.common.array_types import FloatArray
 from pyburgers.common.errors import InputError
-from pyburgers.model.fitted_test import Test
+from pyburgers.model.fitted_test import Test, set_up_stress
 from pyburgers.model.laws import DISLOCATIONS_SWITCH, HARDENING_LAWS, HARDENING_SWITCH
-from pyburgers.model.parameters import PARAMETER_BY_NAME, STANDARD_VALUES
-from pyburgers.model.prior_families import Prior, fixed_prior, is_fixed_at, is_standard
+from pyburgers.model.parameters import STANDARD_VALUES
+from pyburgers.model.prior_families import (
+    Prior,
+    SomePriors,
+    fixed_by_variant,
+    is_fixed_at,
+    is_standard,
+    priors_of_freed_parameters,
+)
 
 BACKSTRESS_SHARE = 0.5
 """Prior median of the limit of the backstress, over the largest measured stress."""
@@ -109,27 +116,28 @@ def check_linear_hardening(priors: Mapping[str, Prior], protocol: str, where: st
             )
 
 
-def changes_of_hardening(
-    law: str,
-    priors: Mapping[str, Prior],
-    freed: Mapping[str, Prior],
-    conditions: tuple[float, float, float, float],
-    *,
-    is_linear: bool,
-) -> Sequence[Prior]:
-    """Return the priors to exchange for a law, from none, or for none.
+def changes_of_hardening(given: SomePriors, test: Test, law: str) -> Sequence[Prior]:
+    """Return the priors to exchange for a law; tests of a kind that names it take its linear form.
 
-    `freed` are weak priors, of which some get medians for a test, to one digit. `conditions` of the
-    test are its largest stress (Pa), the time of its readings (s), its initial grain size (m) and
-    its temperature (K); a stress or time of 0 says nothing. `is_linear` says that it is a table.
+    Medians of weak priors are those for the test, to one digit.
     """
-    source = f"Variant hardening={law}"
-    if law == hardening_law(priors):
+    priors, found = given.priors, hardening_law(given.priors)
+    if law == found:
         return ()
-    medians = _medians(law, priors, *conditions[:3])
-    fixed = _held(law, priors, conditions, is_linear=is_linear)
+    without: list[Prior] = []
+    if found != "none":
+        without = [
+            fixed_by_variant(name, STANDARD_VALUES[name], "hardening=none")
+            for name in OF_BACKSTRESS
+        ]
+        priors = {**priors, **{one.parameter: one for one in without}}
     if law == "none":
-        fixed = {name: STANDARD_VALUES[name] for name in OF_BACKSTRESS}
+        return without
+    stress, freed = 0.0, priors_of_freed_parameters()
+    if law == "dislocations" or not test.linear_hardening:
+        switch = (DISLOCATIONS_SWITCH,) if law == "dislocations" else ()
+        stress = set_up_stress(test, (*HARDENING_LAWS[law].parameters, *switch))
+    fixed, medians = _held(law, priors, test, stress), _medians(law, priors, test, stress)
     free: list[Prior] = []
     for name in HARDENING_LAWS[law].parameters:
         if name not in fixed and is_standard(priors, name):
@@ -139,55 +147,49 @@ def changes_of_hardening(
                 weak if location is None else replace(weak, location=float(f"{location:.0e}"))
             )
     put = [
-        fixed_prior(PARAMETER_BY_NAME[name], value, source)
+        fixed_by_variant(name, value, f"hardening={law}")
         for name, value in fixed.items()
         if name not in priors or name in OF_BACKSTRESS
     ]
-    return [*free, *put]
+    return [*without, *free, *put]
 
 
 def _medians(
-    law: str, priors: Mapping[str, Prior], stress: float, duration: float, grain_size: float
+    law: str, priors: Mapping[str, Prior], test: Test, stress: float
 ) -> Mapping[str, float]:
     """Medians (SI) of weak priors; the modulus has the prior mean of the Kelvin modulus."""
+    sources = SOURCE_LENGTH * priors["maxwell_modulus"].mean_sd()[0] / test.initial_grain_size
     medians = {
         HARDENING_SWITCH: priors["kelvin_modulus"].mean_sd()[0],
-        "source_stress": SOURCE_LENGTH * priors["maxwell_modulus"].mean_sd()[0] / grain_size,
+        "source_stress": sources,
     }
     if stress > 0:
         share = LIMIT_OF_DISLOCATIONS if law == "dislocations" else BACKSTRESS_SHARE
         medians["backstress_limit"] = share * stress
         medians["initial_backstress"] = FIRST_DISLOCATIONS * stress
-    if duration > 0:
-        medians["recovery_rate"] = RECOVERIES / duration
+    if test.duration > 0:
+        medians["recovery_rate"] = RECOVERIES / test.duration
     return medians
 
 
-def _held(
-    law: str,
-    priors: Mapping[str, Prior],
-    conditions: tuple[float, float, float, float],
-    *,
-    is_linear: bool,
-) -> Mapping[str, float]:
+def _held(law: str, priors: Mapping[str, Prior], test: Test, stress: float) -> Mapping[str, float]:
     """Values (SI) at which parameters are fixed where the priors do not say them.
 
     Recovery has the enthalpy of the flow law. The linear form has recovery in proportion to the
     backstress, and no limit. Rates of dislocations are those at the largest stress, to one digit.
     """
-    stress, _, grain_size, temperature = conditions
     held = {
         "recovery_activation_enthalpy": float(priors["activation_enthalpy"].mean_sd()[0]),
-        "kelvin_reference_temperature": temperature,
+        "kelvin_reference_temperature": test.temperature,
     }
-    if is_linear and law == "backstress":
+    if test.linear_hardening and law == "backstress":
         held |= {name: STANDARD_VALUES[name] for name in NOT_LINEAR}
     if law == "dislocations":
         held |= {
             DISLOCATIONS_SWITCH: float(f"{stress:.0e}"),
-            "kelvin_reference_grain_size": grain_size,
+            "kelvin_reference_grain_size": test.initial_grain_size,
             "recovery_exponent": DISLOCATION_RECOVERY,
         }
-        if is_linear:  # of a steady state, which knows no start
+        if test.linear_hardening:  # of a steady state, which knows no start
             held["initial_backstress"] = held[DISLOCATIONS_SWITCH]
     return held

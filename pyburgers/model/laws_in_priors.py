@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from pyburgers.common.errors import InputError
+from pyburgers.model.fitted_test import Test, set_up_stress
 from pyburgers.model.laws import (
     DASHPOT_STRESSES,
     HARDENING_SWITCH,
@@ -19,13 +20,20 @@ from pyburgers.model.laws import (
 from pyburgers.model.parameters import (
     FURTHER_MECHANISMS,
     MECHANISM_REFERENCES,
-    PARAMETER_BY_NAME,
     STANDARD_VALUES,
 )
-from pyburgers.model.prior_families import Prior, fixed_prior, is_fixed_at, is_standard
+from pyburgers.model.prior_families import (
+    Prior,
+    SomePriors,
+    fixed_by_variant,
+    is_fixed_at,
+    is_standard,
+    priors_of_freed_parameters,
+)
 
-MECHANISM_SOURCE = "Variant {}_mechanism="
-"""Beginning of the source of a number that a choice has put into priors."""
+REFERENCE_STRESS_SHARE = 0.25
+"""Driving stress for which the viscosity of a power-law Kelvin dashpot is given, over the largest
+measured stress: of the order of what drives the element while it creeps."""
 
 
 def kelvin_law(priors: Mapping[str, Prior], where: str) -> str:
@@ -43,27 +51,28 @@ def kelvin_law(priors: Mapping[str, Prior], where: str) -> str:
     )
 
 
-def changes_for(
-    law: str,
-    priors: Mapping[str, Prior],
-    freed: Mapping[str, Prior],
-    references: Mapping[str, float],
-    where: str,
-) -> Sequence[Prior]:
+def changes_of_kelvin(given: SomePriors, test: Test, law: str) -> Sequence[Prior]:
     """Return the priors to exchange for another law of the Kelvin part.
 
-    `priors` are the material's, `freed` weak priors of what laws free, and `references` (SI) that
-    for which modulus and viscosity are given where the priors do not say it. Raises InputError if
-    the priors fix a parameter by a convention of their law, and the other law does not.
+    Modulus and viscosity are given for conditions of the test where the priors do not say others.
+    Raises InputError if the priors fix a parameter by a convention of their law, and the other law
+    does not.
     """
-    found = kelvin_law(priors, where)
+    priors, freed = given.priors, priors_of_freed_parameters()
+    found = kelvin_law(priors, test.id)
     if law == found:
         return ()
     wanted, present = KELVIN_LAWS[law], KELVIN_LAWS[found]
+    references = {"kelvin_reference_temperature": test.temperature}
+    if wanted.own_stress:
+        stress = REFERENCE_STRESS_SHARE * set_up_stress(test, wanted.parameters)
+        references["kelvin_reference_stress"] = float(f"{stress:.0e}")
+    else:
+        references["kelvin_reference_grain_size"] = test.initial_grain_size
     for name in present.conventions:
         if priors[name].is_fixed:
             raise InputError(
-                f"{where}: kelvin={law} needs a prior of {name}, which is fixed with the law "
+                f"{test.id}: kelvin={law} needs a prior of {name}, which is fixed with the law "
                 f"{found} of the Kelvin part, expected the priors of the material."
             )
     switches = {*KELVIN_SWITCHES, *(name for one in KELVIN_LAWS.values() for name in one.without)}
@@ -78,10 +87,7 @@ def changes_for(
     for name in wanted.conventions:
         if not priors[name].is_fixed:
             values[name] = float(f"{priors[name].mean_sd()[0]:.0e}")
-    fixed = (
-        fixed_prior(PARAMETER_BY_NAME[name], value, f"Variant kelvin={law}")
-        for name, value in values.items()
-    )
+    fixed = (fixed_by_variant(name, value, f"kelvin={law}") for name, value in values.items())
     put_in = [
         replace(freed[name], **wanted.weak_priors.get(name, {}))
         for name in wanted.parameters
@@ -143,29 +149,23 @@ def check_mechanisms(priors: Mapping[str, Prior], where: str) -> None:
         )
 
 
-def changes_of_mechanism(
-    which: str,
-    law: str,
-    priors: Mapping[str, Prior],
-    weak: Prior,
-    conditions: Sequence[float],
-) -> Sequence[Prior]:
+def changes_of_mechanism(which: str, given: SomePriors, test: Test, law: str) -> Sequence[Prior]:
     """Return the priors to exchange for another law of the second or third mechanism.
 
-    `conditions` are stress (Pa), grain size (m) and temperature (K) for which the rate is given;
-    those of the second mechanism stay for the third. `weak` is the prior of the rate where priors
-    do not give one. The median is then that of a dashpot as viscous as the Kelvin element in its
-    prior mean. Numbers that another choice has put into the priors make way.
+    The rate is given at the largest stress, to one digit, before the test; the conditions of the
+    second mechanism stay for the third. If priors do not give a rate, its median is that of a
+    dashpot as viscous as the Kelvin element in its prior mean. Numbers that another choice has put
+    into the priors make way.
     """
+    priors, choice = given.priors, f"{which}_mechanism={law}"
     if law == mechanism(which, priors):
         return ()
     rate, *_, enthalpy, in_series = FURTHER_MECHANISMS[which]
-    source = MECHANISM_SOURCE.format(which)
     if law == "none":
-        return [
-            fixed_prior(PARAMETER_BY_NAME[name], STANDARD_VALUES[name], f"{source}{law}")
-            for name in (rate, in_series)
-        ]
+        return [fixed_by_variant(name, STANDARD_VALUES[name], choice) for name in (rate, in_series)]
+    own = (rate, in_series) if MECHANISMS[which][law].in_series else (rate,)
+    stress_of_test = float(f"{set_up_stress(test, own):.0e}")
+    conditions = (stress_of_test, test.initial_grain_size, test.temperature)
     numbers = {
         **MECHANISMS[which][law].held,
         enthalpy: float(priors["activation_enthalpy"].mean_sd()[0]),
@@ -174,12 +174,13 @@ def changes_of_mechanism(
     held = {
         name: value
         for name, value in numbers.items()
-        if name not in priors or priors[name].source.startswith(source)
+        if name not in priors or priors[name].source.startswith(f"Variant {which}_mechanism=")
     }
     changed = [
-        fixed_prior(PARAMETER_BY_NAME[name], value, f"{source}{law}")
+        fixed_by_variant(name, value, choice)
         for name, value in {in_series: float(MECHANISMS[which][law].in_series), **held}.items()
     ]
+    weak = priors_of_freed_parameters()[rate]
     if is_standard(priors, rate) or priors[rate].source == weak.source:
         given_at = MECHANISM_REFERENCES[0]
         stress = held[given_at] if given_at in held else priors[given_at].location

@@ -7,9 +7,10 @@ parameter, needs no change of Stan code.
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cache
 from numbers import Real
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, Self
+from typing import TYPE_CHECKING, Any, Literal, Protocol, Self
 
 import numpy as np
 from pydantic import Field
@@ -18,7 +19,8 @@ from scipy.special import ndtr, ndtri_exp
 
 from pyburgers.common.array_types import FloatArray
 from pyburgers.common.errors import InputError, nearest, require_type
-from pyburgers.common.toml_files import Table, Word, factor_to_si
+from pyburgers.common.paths import shipped_folder
+from pyburgers.common.toml_files import Table, Word, factor_to_si, read_toml
 from pyburgers.model.parameters import (
     BELOW_ONE,
     BOUNDED_AWAY_FROM_ZERO,
@@ -26,6 +28,7 @@ from pyburgers.model.parameters import (
     ENDS_AT_ONE,
     LOWER_LIMITS,
     MAY_BE_ZERO,
+    PARAMETER_BY_NAME,
     STANDARD_VALUES,
     UNSIGNED,
     Parameter,
@@ -236,6 +239,14 @@ def normal_scores(law: "rv_continuous_frozen[Any, Any]", values: FloatArray) -> 
     return np.where(np.isinf(scores), np.sign(scores) * SCORE_AT_BOUND, scores)
 
 
+class SomePriors(Protocol):
+    """A set of priors."""
+
+    @property
+    def priors(self) -> Mapping[str, Prior]:
+        """By parameter."""
+
+
 class PriorTable(Table):
     """The table of one parameter in a prior file."""
 
@@ -290,6 +301,11 @@ def fixed_prior(parameter: Parameter, value: float, source: str) -> Prior:
     )
 
 
+def fixed_by_variant(name: str, value: float, choice: str) -> Prior:
+    """Return the prior of a parameter that a choice such as ``fabric=constant`` fixes (SI)."""
+    return fixed_prior(PARAMETER_BY_NAME[name], value, f"Variant {choice}")
+
+
 def normal_prior(parameter: Parameter, mean: float, sd: float, source: str) -> Prior:
     """Return a normal prior (SI), cut at zero where the parameter cannot be negative."""
     numbers = {"location": mean, "scale": sd}
@@ -306,6 +322,18 @@ def is_standard(priors: Mapping[str, Prior], name: str) -> bool:
 def is_fixed_at(prior: Prior, value: float) -> bool:
     """Whether a parameter has a given value (SI) and no other."""
     return prior.is_fixed and prior.location == value
+
+
+class _FreedParametersFile(Table):
+    parameters: dict[str, PriorTable] = Field(description="one table for each parameter")
+
+
+@cache
+def priors_of_freed_parameters() -> Mapping[str, Prior]:
+    """Return the shipped priors of parameters that a variant frees, by name."""
+    path = shipped_folder("data") / "priors" / "variants" / "free_parameters.toml"
+    tables = read_toml(path, _FreedParametersFile).parameters
+    return {name: load_prior(path, PARAMETER_BY_NAME[name], one) for name, one in tables.items()}
 
 
 def _check_keys(where: str, family: Family, numbers: Mapping[str, float]) -> None:

@@ -3,7 +3,7 @@
 import importlib.resources
 from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cache, partial
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from types import MappingProxyType
@@ -438,18 +438,6 @@ def shipped_prior_files(folder: str = ".") -> dict[str, Path]:
     """Return the prior files that come with the package, in a folder of theirs, by material."""
     files = (shipped_folder("data") / "priors" / folder).glob("*.toml")
     return {path.stem: path for path in sorted(files)}
-
-
-class _FreedParametersFile(Table):
-    parameters: dict[str, PriorTable] = Field(description="one table for each parameter")
-
-
-@cache
-def priors_of_freed_parameters() -> Mapping[str, Prior]:
-    """Return the shipped priors of parameters that a variant frees, by name."""
-    path = shipped_prior_files("variants")["free_parameters"]
-    tables = read_toml(path, _FreedParametersFile).parameters
-    return {name: load_prior(path, PARAMETER_BY_NAME[name], one) for name, one in tables.items()}
 
 
 def _standard(name: str) -> Prior:

@@ -9,7 +9,13 @@ import numpy as np
 from pyburgers.common.array_types import FloatArray, IntArray
 from pyburgers.model.fitted_test import Test
 from pyburgers.model.parameters import PARAMETER_BY_NAME
-from pyburgers.model.prior_families import Prior, fixed_prior, is_standard
+from pyburgers.model.prior_families import (
+    Prior,
+    SomePriors,
+    fixed_by_variant,
+    is_standard,
+    priors_of_freed_parameters,
+)
 
 ResidualsLaw = Literal["independent", "autocorrelated", "discrepancy"]
 
@@ -28,34 +34,29 @@ def residuals_law(priors: Mapping[str, Prior], length: str) -> ResidualsLaw:
     return "autocorrelated" if is_standard(priors, DISCREPANCY) else "discrepancy"
 
 
-def changes_of_residuals(
-    choice: str,
-    priors: Mapping[str, Prior],
-    freed: Mapping[str, Prior],
-    length: str,
-    duration: float,
-) -> list[Prior]:
+def changes_of_residuals(given: SomePriors, test: Test, choice: str) -> list[Prior]:
     """Free the correlation of residuals and the size of what correlates, or fix it at none.
 
     The median of a correlation time is a tenth of the duration (s) of the readings.
     """
-    law, source = residuals_law(priors, length), f"Variant residuals={choice}"
+    priors, length, freed = given.priors, test.residual_correlation, priors_of_freed_parameters()
+    law, source = residuals_law(priors, length), f"residuals={choice}"
     changed = []
     has_discrepancy = not is_standard(priors, DISCREPANCY)
     if has_discrepancy and choice != "discrepancy":
-        changed.append(fixed_prior(PARAMETER_BY_NAME[DISCREPANCY], 0.0, source))
+        changed.append(fixed_by_variant(DISCREPANCY, 0.0, source))
     has_share = not is_standard(priors, SHARE)
     if has_share and choice in ("independent", "discrepancy") and law != choice:
-        changed.append(fixed_prior(PARAMETER_BY_NAME[SHARE], 1.0, source))
+        changed.append(fixed_by_variant(SHARE, 1.0, source))
     if choice == "independent":
         # In time residuals correlate unless priors say otherwise.
         if law != choice or (length == TIME and length not in priors):
-            changed.append(fixed_prior(PARAMETER_BY_NAME[length], 0.0, source))
+            changed.append(fixed_by_variant(length, 0.0, source))
         return changed
     if is_standard(priors, length):
         correlation = freed[length]
-        if length == TIME and duration > 0:
-            correlation = replace(correlation, location=float(f"{0.1 * duration:.0e}"))
+        if length == TIME and test.duration > 0:
+            correlation = replace(correlation, location=float(f"{0.1 * test.duration:.0e}"))
         changed.append(correlation)
     if law == choice:
         return changed

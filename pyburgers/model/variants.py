@@ -5,7 +5,7 @@ part of the model out. The Stan programs read from the same priors which equatio
 priors and equations cannot contradict each other, and what a run used can be told from its priors.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from typing import Literal
@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 
 from pyburgers.common.errors import InputError, nearest, require_type
-from pyburgers.model.fitted_test import Test
+from pyburgers.model.fitted_test import Test, set_up_stress
 from pyburgers.model.hardening import (
     changes_of_hardening,
     check_dislocations,
@@ -23,14 +23,13 @@ from pyburgers.model.hardening import (
 from pyburgers.model.laws import (
     DASHPOT_LAWS,
     DASHPOT_STRESSES,
-    DISLOCATIONS_SWITCH,
     HARDENING_LAWS,
     KELVIN_LAWS,
     MECHANISMS,
 )
 from pyburgers.model.laws_in_priors import (
     beta_of_linear,
-    changes_for,
+    changes_of_kelvin,
     changes_of_mechanism,
     check_mechanisms,
     dashpot_law,
@@ -38,18 +37,16 @@ from pyburgers.model.laws_in_priors import (
     mechanism,
 )
 from pyburgers.model.parameters import (
-    FURTHER_MECHANISMS,
-    GIVEN_TOGETHER,
-    PARAMETER_BY_NAME,
     PIEZOMETER,
 )
-from pyburgers.model.prior_families import Prior, fixed_prior, is_fixed_at
-from pyburgers.model.priors import PriorSet, priors_of_freed_parameters
+from pyburgers.model.prior_families import (
+    Prior,
+    fixed_by_variant,
+    is_fixed_at,
+    priors_of_freed_parameters,
+)
+from pyburgers.model.priors import PriorSet
 from pyburgers.model.residual_laws import ResidualsLaw, changes_of_residuals, residuals_law
-
-REFERENCE_STRESS_SHARE = 0.25
-"""Driving stress for which the viscosity of a power-law Kelvin dashpot is given, over the largest
-measured stress: of the order of what drives the element while it creeps."""
 
 NO_EVOLUTION = 1e9
 """Critical strain at which the microstructure of an oscillating test stays as it is."""
@@ -194,7 +191,8 @@ def with_variant(priors: PriorSet, experiment: Test, choices: Mapping[str, str])
     _check_kind(choices, experiment)
     changed = priors
     for part, choice in choices.items():
-        changed = _CHANGES[part](changed, experiment, choice)
+        exchanged = _CHANGES[part](changed, experiment, choice)
+        changed = changed.exchanging(*exchanged) if exchanged else changed
     found = variant_of(changed, experiment).record()
     for part, choice in choices.items():
         if found[part] != choice:
@@ -328,39 +326,22 @@ def _has_piezometer(priors: PriorSet) -> bool:
     return not is_fixed_at(priors["piezometer_reference_grain_size"], 0.0)
 
 
-def _fixed(name: str, value: float, choice: str) -> Prior:
-    return fixed_prior(PARAMETER_BY_NAME[name], value, f"Variant {choice}")
-
-
-def _choose_kelvin(priors: PriorSet, experiment: Test, choice: str) -> PriorSet:
-    references = {"kelvin_reference_temperature": experiment.temperature}
-    if KELVIN_LAWS[choice].own_stress:
-        if kelvin_law(priors.priors, experiment.id) == choice:
-            return priors
-        largest = _largest_stress(experiment, KELVIN_LAWS[choice].parameters)
-        references["kelvin_reference_stress"] = float(f"{REFERENCE_STRESS_SHARE * largest:.0e}")
-    else:
-        references["kelvin_reference_grain_size"] = experiment.initial_grain_size
-    freed = priors_of_freed_parameters()
-    return priors.exchanging(*changes_for(choice, priors.priors, freed, references, experiment.id))
-
-
-def _choose_maxwell(priors: PriorSet, experiment: Test, choice: str) -> PriorSet:
+def _changes_of_maxwell(priors: PriorSet, experiment: Test, choice: str) -> Sequence[Prior]:
     """Fix n, or free the law's own stress; with n = 1 beta means another A: its prior moves along.
 
     The flow rate at the largest measured stress keeps the prior that it has with the power law,
     to first order in the spread of n. The median of the own stress is a share of that stress.
     """
+    changed = []
     for name, law in DASHPOT_STRESSES.items():
         if law.name == choice and is_fixed_at(priors[name], 0.0):
-            median = float(f"{law.stress_share * _largest_stress(experiment, [name]):.0e}")
-            free = replace(priors_of_freed_parameters()[name], location=median)
-            priors = priors.exchanging(free)
+            median = float(f"{law.stress_share * set_up_stress(experiment, [name]):.0e}")
+            changed.append(replace(priors_of_freed_parameters()[name], location=median))
         elif law.name != choice and not is_fixed_at(priors[name], 0.0):
-            priors = priors.exchanging(_fixed(name, 0.0, f"maxwell={choice}"))
+            changed.append(fixed_by_variant(name, 0.0, f"maxwell={choice}"))
     exponent, beta = priors["stress_exponent"], priors["beta"]
     if choice != "linear" or is_fixed_at(exponent, 1.0):
-        return priors
+        return changed
     if priors.flow_law is not None:
         raise InputError(
             f"{experiment.id}: maxwell=linear fixes the stress exponent, found it in the joint "
@@ -373,47 +354,19 @@ def _choose_maxwell(priors: PriorSet, experiment: Test, choice: str) -> PriorSet
             "a prior file with stress_exponent fixed at 1 instead."
         )
     enthalpy = priors["activation_enthalpy"].location
-    largest = _largest_stress(experiment, ["stress_exponent = 1"])
+    largest = set_up_stress(experiment, ["stress_exponent = 1"])
     moved = beta_of_linear(beta, exponent, np.log(largest) / enthalpy)
-    return priors.exchanging(_fixed("stress_exponent", 1.0, "maxwell=linear"), moved)
+    return [*changed, fixed_by_variant("stress_exponent", 1.0, "maxwell=linear"), moved]
 
 
-def _choose_hardening(priors: PriorSet, experiment: Test, choice: str) -> PriorSet:
-    """Free the numbers of a law; tests of a kind that names it take its linear form."""
-    if choice != "none" and hardening_law(priors.priors) not in ("none", choice):
-        priors = _choose_hardening(priors, experiment, "none")
-    is_linear = experiment.linear_hardening
-    stays = choice in ("none", hardening_law(priors.priors))
-    needless = stays or (is_linear and choice != "dislocations")
-    switch = (DISLOCATIONS_SWITCH,) if choice == "dislocations" else ()
-    own = (*HARDENING_LAWS[choice].parameters, *switch)
-    stress = 0.0 if needless else _largest_stress(experiment, own)
-    of_material = experiment.initial_grain_size, experiment.temperature
-    conditions, freed = (stress, experiment.duration, *of_material), priors_of_freed_parameters()
-    return priors.exchanging(
-        *changes_of_hardening(choice, priors.priors, freed, conditions, is_linear=is_linear)
-    )
-
-
-def _choose_mechanism(which: str, priors: PriorSet, experiment: Test, choice: str) -> PriorSet:
-    """Free the rate, which holds at the largest stress, to one digit, before the test."""
-    stays = choice in ("none", mechanism(which, priors.priors))
-    rate, *_, in_series = FURTHER_MECHANISMS[which]
-    own = (rate, in_series) if MECHANISMS[which][choice].in_series else (rate,)
-    stress = 0.0 if stays else float(f"{_largest_stress(experiment, own):.0e}")
-    conditions = (stress, experiment.initial_grain_size, experiment.temperature)
-    weak = priors_of_freed_parameters()[f"{which}_rate"]
-    return priors.exchanging(*changes_of_mechanism(which, choice, priors.priors, weak, conditions))
-
-
-def _choose_grain_size(priors: PriorSet, experiment: Test, choice: str) -> PriorSet:
+def _changes_of_grain_size(priors: PriorSet, experiment: Test, choice: str) -> Sequence[Prior]:
     source = f"grain_size={choice}"
     if not _allows(experiment, "grain_size", "evolving"):
-        critical = _fixed("critical_strain_grain_size", NO_EVOLUTION, source)
-        return priors.exchanging(critical) if choice == "constant" else priors
+        frozen = fixed_by_variant("critical_strain_grain_size", NO_EVOLUTION, source)
+        return [frozen] if choice == "constant" else []
     if choice == "evolving":
-        return priors
-    start = _fixed("steady_state_grain_size", experiment.initial_grain_size, source)
+        return []
+    start = fixed_by_variant("steady_state_grain_size", experiment.initial_grain_size, source)
     if choice == "piezometric":
         if not _has_piezometer(priors):
             raise InputError(
@@ -421,49 +374,31 @@ def _choose_grain_size(priors: PriorSet, experiment: Test, choice: str) -> Prior
                 f"{priors.title!r}, expected {', '.join(PIEZOMETER[:-1])} and {PIEZOMETER[-1]} in "
                 "them."
             )
-        return priors.exchanging(start)  # which has no effect then
-    none = _fixed("piezometer_reference_grain_size", 0.0, source)
-    return priors.exchanging(
+        return [start]  # which has no effect then
+    none = fixed_by_variant("piezometer_reference_grain_size", 0.0, source)
+    return [
         start,
-        _fixed("critical_strain_grain_size", WITHOUT_EFFECT, source),
+        fixed_by_variant("critical_strain_grain_size", WITHOUT_EFFECT, source),
         *((none,) if _has_piezometer(priors) else ()),
-    )
+    ]
 
 
-def _choose_fabric(priors: PriorSet, experiment: Test, choice: str) -> PriorSet:
+def _changes_of_fabric(_priors: PriorSet, experiment: Test, choice: str) -> Sequence[Prior]:
     if choice != "constant" or not _allows(experiment, "fabric", "evolving"):
-        return priors
-    return priors.exchanging(
-        _fixed("steady_state_fabric_factor", 1.0, "fabric=constant"),
-        _fixed("critical_strain_fabric", WITHOUT_EFFECT, "fabric=constant"),
-    )
+        return []
+    return [
+        fixed_by_variant("steady_state_fabric_factor", 1.0, "fabric=constant"),
+        fixed_by_variant("critical_strain_fabric", WITHOUT_EFFECT, "fabric=constant"),
+    ]
 
 
-def _choose_residuals(priors: PriorSet, experiment: Test, choice: str) -> PriorSet:
-    length, freed = experiment.residual_correlation, priors_of_freed_parameters()
-    return priors.exchanging(
-        *changes_of_residuals(choice, priors.priors, freed, length, experiment.duration)
-    )
-
-
-_CHANGES: Mapping[str, Callable[[PriorSet, Test, str], PriorSet]] = {
-    "kelvin": _choose_kelvin,
-    "maxwell": _choose_maxwell,
-    "grain_size": _choose_grain_size,
-    "fabric": _choose_fabric,
-    "residuals": _choose_residuals,
-    "hardening": _choose_hardening,
-    **{f"{which}_mechanism": partial(_choose_mechanism, which) for which in MECHANISMS},
+_CHANGES: Mapping[str, Callable[[PriorSet, Test, str], Sequence[Prior]]] = {
+    "kelvin": changes_of_kelvin,
+    "maxwell": _changes_of_maxwell,
+    "grain_size": _changes_of_grain_size,
+    "fabric": _changes_of_fabric,
+    "residuals": changes_of_residuals,
+    "hardening": changes_of_hardening,
+    **{f"{which}_mechanism": partial(changes_of_mechanism, which) for which in MECHANISMS},
 }
-"""What each choice does to the priors."""
-
-
-def _largest_stress(experiment: Test, own: Iterable[str]) -> float:
-    """Return the stress (Pa) at which a law is set up whose own parameters are not given."""
-    if experiment.n_points == 0:
-        names = dict.fromkeys(one for name in own for one in (name, *GIVEN_TOGETHER.get(name, ())))
-        raise InputError(
-            f"{experiment.id}: a new law is set up at the largest stress of the data, and there "
-            f"are none; give values of the law's own parameters: {', '.join(names)}."
-        )
-    return experiment.largest_stress
+"""Priors that each choice exchanges."""

@@ -37,11 +37,11 @@ from pyburgers.model.parameters import (
     PROGRAM_PARAMETERS,
     STANDARD_VALUES,
 )
+from pyburgers.model.prior_families import priors_of_freed_parameters
 from pyburgers.model.priors import (
     PriorSet,
     default_priors,
     load_priors,
-    priors_of_freed_parameters,
     save_priors,
     with_flow_law,
 )

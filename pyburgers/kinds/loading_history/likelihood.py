@@ -26,8 +26,8 @@ from pyburgers.kinds.loading_history.valley import LoadingHistoryValley
 from pyburgers.kinds.problem import stated_priors
 from pyburgers.model.display import time_unit
 from pyburgers.model.parameters import PARAMETER_BY_NAME
-from pyburgers.model.prior_families import fixed_prior, is_fixed_at
-from pyburgers.model.priors import PriorSet, priors_of_freed_parameters
+from pyburgers.model.prior_families import fixed_prior, is_fixed_at, priors_of_freed_parameters
+from pyburgers.model.priors import PriorSet
 from pyburgers.model.read_quantities import STRAIN, STRESS, Quantity
 from pyburgers.model.reference_quantities import REFERENCE_FLOW_RATE_QUANTITY
 from pyburgers.model.variants import with_variant

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import psutil
 
 POLLING_SECONDS = 0.1
+MIB = 2**20
 
 
 @dataclass(frozen=True)

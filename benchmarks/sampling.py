@@ -22,8 +22,8 @@ import psutil
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from measures import coordinate_ess_per_1000_gradients, grain_size_share, measure
-from processes import run_together
-from six_state import N_CHAINS, USUAL_LENGTH, WARMUP, WARMUP_SECONDS, Baseline, run_baseline
+from processes import MIB, run_together
+from six_state import N_CHAINS, USUAL_LENGTH, WARMUP, WARMUP_SECONDS, run_baseline
 from tables import ICE, RESULTS, ROOT, markdown
 
 from pyburgers.cmdstan.program import load_program
@@ -52,7 +52,6 @@ MEASURED = {"4506", "4581"}
 
 PLAIN = ("--chains", "2", "--warmup", "200", "--draws", "200", "--coordinates", "plain")
 BASELINE_SECONDS = 180.0
-MIB = 2**20
 
 
 def main() -> None:
@@ -85,7 +84,7 @@ def _measure(name: str, scratch: Path, out: Path, seed: int) -> pd.DataFrame:
     baseline = run_baseline(
         product, scratch / "six_state", limit_seconds=BASELINE_SECONDS, seed=seed
     )
-    rows = [row, plain, _baseline_row(name, baseline)]
+    rows = [row, plain, {"test": name, "form": "six states", **baseline}]
     return pd.DataFrame(rows).set_index(["test", "form"])
 
 
@@ -116,13 +115,8 @@ def _product(
     name: str, form: str, file: Path, settings: tuple[str, ...], folder: Path, seed: int
 ) -> tuple[Fit, dict[str, Any]]:
     """Fit through the command line, as a user does, and read the run directory."""
-    command = [
-        sys.executable,
-        "-c",
-        "from pyburgers.cli.main import main; raise SystemExit(main())",
-    ]
-    arguments = ["fit", str(file), "--out", str(folder), "--seed", str(seed), *settings]
-    cost = run_together([[*command, *arguments]])
+    command = [sys.executable, "-m", "pyburgers", "fit", str(file), "--out", str(folder)]
+    cost = run_together([[*command, "--seed", str(seed), *settings]])
     fit = Fit.load(folder)
     got = measure(fit)
     with_warmup = got.sampling_seconds + got.warmup_seconds
@@ -145,29 +139,6 @@ def _product(
         "s_per_draw": got.sampling_seconds / got.draws,
         "wall_s": cost.wall_seconds,
         "peak_MiB": cost.peak_bytes / MIB,
-    }
-
-
-def _baseline_row(name: str, baseline: Baseline | None) -> dict[str, Any]:
-    """Row of the six-state form, extrapolated to a run of the usual length."""
-    if baseline is None:
-        return {"test": name, "form": "six states"}
-    per_second = baseline.ess_per_draw_least / baseline.seconds_per_draw
-    with_warmup = baseline.seconds_per_draw + baseline.seconds_per_warmup_iteration
-    return {
-        "test": name,
-        "form": "six states",
-        "ms_per_gradient": baseline.ms_per_gradient,
-        "leapfrogs_per_draw": baseline.leapfrogs_per_draw,
-        "draws": baseline.draws,
-        "divergences": baseline.divergences,
-        "ess_bulk_per_s": per_second,
-        "ess_bulk_per_s_with_warmup": baseline.ess_per_draw_least / with_warmup,
-        "s_per_draw": baseline.seconds_per_draw,
-        "s_per_warmup_iteration": baseline.seconds_per_warmup_iteration,
-        "ess_bulk_per_s_median": baseline.ess_per_draw_median / baseline.seconds_per_draw,
-        "wall_s": baseline.cost.wall_seconds,
-        "peak_MiB": baseline.cost.peak_bytes / MIB,
     }
 
 

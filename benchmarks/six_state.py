@@ -7,17 +7,15 @@ product's finished fit, and adapts its step size only. What its warm-up costs is
 first iterations of chains with CmdStan's defaults, started at posterior draws too.
 """
 
-import math
 import sys
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 from chain_files import read_chain
 from gradients import ms_per_gradient
-from processes import Cost, run_together
+from processes import MIB, run_together
 
 from pyburgers.cmdstan.program import load_program
 from pyburgers.common.array_types import FloatArray
@@ -43,38 +41,17 @@ USUAL_LENGTH = 1000
 """Warm-up iterations, and draws, of the run that the extrapolation stands for."""
 
 
-@dataclass(frozen=True)
-class Baseline:
-    """What the bounded run says.
-
-    `ms_per_gradient`: at a posterior draw.
-    `draws`: after the step-size adaptation, all chains together; the following are unknown without.
-    `seconds_per_draw`, `leapfrogs_per_draw`: means over them.
-    `seconds_per_warmup_iteration`: of chains with CmdStan's defaults.
-    `ess_per_draw_least`, `ess_per_draw_median`: over the parameters (`effective_draws`).
-    """
-
-    ms_per_gradient: float
-    cost: Cost
-    draws: int = 0
-    seconds_per_draw: float = math.nan
-    leapfrogs_per_draw: float = math.nan
-    seconds_per_warmup_iteration: float = math.nan
-    divergences: int = 0
-    ess_per_draw_least: float = math.nan
-    ess_per_draw_median: float = math.nan
-
-
-def run_baseline(fit: Fit, folder: Path, *, limit_seconds: float, seed: int) -> Baseline | None:
+def run_baseline(fit: Fit, folder: Path, *, limit_seconds: float, seed: int) -> dict[str, float]:
     """Run two chains of the six-state program side by side for a bounded time.
 
-    The result has no draws where no chain made two of them in time. It is None where the solver
-    cannot even start at a posterior draw.
+    Return columns of the table of `sampling.py`. They are those of cost alone where no chain made
+    two draws in time, and none where the solver cannot even start at a posterior draw.
     """
     folder.mkdir(parents=True)
     source, names = _paper_form(fit)
     with messages_to(sys.stdout):
         program = load_program(source)
+    executable = str(program.executable)
     draws = fit.posterior["posterior"].to_dataset()
     values = {name: draws[name].to_numpy() for name in names}
     transform = _stan_transform(fit.priors, names)
@@ -90,18 +67,11 @@ def run_baseline(fit: Fit, folder: Path, *, limit_seconds: float, seed: int) -> 
     for chain, position in enumerate(starts, start=1):
         start = folder / f"start_{chain}.json"
         write_json(start, position)
-        tail = (
-            "data",
-            f"file={data}",
-            f"init={start}",
-            "random",
-            f"seed={seed}",
-            "output",
-            "refresh=1",
-        )
+        given = ("data", f"file={data}", f"init={start}", "random", f"seed={seed}")
+        tail = (*given, "output", "refresh=1")
         commands.append(
             [
-                *(str(program.executable), "sample", f"num_warmup={WARMUP}", "num_samples=1000000"),
+                *(executable, "sample", f"num_warmup={WARMUP}", "num_samples=1000000"),
                 *("adapt", "delta=0.8", "algorithm=hmc", "engine=nuts", "max_depth=10"),
                 *("metric=dense_e", f"metric_file={metric}", "stepsize=0.002", f"id={chain}"),
                 *(*tail, f"file={folder}/chain_{chain}.csv", "sig_figs=12"),
@@ -109,13 +79,7 @@ def run_baseline(fit: Fit, folder: Path, *, limit_seconds: float, seed: int) -> 
         )
         defaults.append(
             [
-                *(
-                    str(program.executable),
-                    "sample",
-                    "num_warmup=1000",
-                    "save_warmup=1",
-                    f"id={chain}",
-                ),
+                *(executable, "sample", "num_warmup=1000", "save_warmup=1", f"id={chain}"),
                 *(*tail, f"file={folder}/warmup_{chain}.csv"),
             ]
         )
@@ -125,9 +89,16 @@ def run_baseline(fit: Fit, folder: Path, *, limit_seconds: float, seed: int) -> 
     try:
         by_clock, _ = ms_per_gradient(program, data, starts[:1], TIMED)
     except SamplingError:
-        return None
+        return {}
+    row = {
+        "ms_per_gradient": by_clock,
+        "draws": 0,
+        "divergences": 0,
+        "wall_s": cost.wall_seconds,
+        "peak_MiB": cost.peak_bytes / MIB,
+    }
     if n_draws < N_CHAINS * 2:
-        return Baseline(ms_per_gradient=by_clock, cost=cost)
+        return row
     positions = [
         _unconstrained(transform, {name: chain[name].to_numpy() for name in names})
         for chain in chains
@@ -138,17 +109,19 @@ def run_baseline(fit: Fit, folder: Path, *, limit_seconds: float, seed: int) -> 
         len(read_chain(folder / f"warmup_{c}.csv").draws) for c in range(1, N_CHAINS + 1)
     )
     per_draw = effective_draws(positions, unconstrained.std(axis=0, ddof=1))
-    return Baseline(
-        draws=n_draws,
-        seconds_per_draw=leapfrogs * by_clock / 1e3,
-        leapfrogs_per_draw=leapfrogs,
-        ms_per_gradient=by_clock,
-        seconds_per_warmup_iteration=N_CHAINS * WARMUP_SECONDS / max(iterations, 1),
-        divergences=int(sum(chain["divergent__"].sum() for chain in chains)),
-        ess_per_draw_least=float(per_draw.min()),
-        ess_per_draw_median=float(np.median(per_draw)),
-        cost=cost,
-    )
+    seconds = leapfrogs * by_clock / 1e3
+    of_warmup = N_CHAINS * WARMUP_SECONDS / max(iterations, 1)
+    return {
+        **row,
+        "draws": n_draws,
+        "divergences": int(sum(chain["divergent__"].sum() for chain in chains)),
+        "leapfrogs_per_draw": leapfrogs,
+        "ess_bulk_per_s": float(per_draw.min()) / seconds,
+        "ess_bulk_per_s_with_warmup": float(per_draw.min()) / (seconds + of_warmup),
+        "s_per_draw": seconds,
+        "s_per_warmup_iteration": of_warmup,
+        "ess_bulk_per_s_median": float(np.median(per_draw)) / seconds,
+    }
 
 
 def effective_draws(chains: list[FloatArray], spread: FloatArray) -> FloatArray:

@@ -17,32 +17,14 @@ from pathlib import Path
 from typing import Any
 
 import pandas as pd
-from common import DATA, bad_verdicts, shown_verdicts
+from common import DATA, bad_verdicts, shown_verdicts, tell_progress, write_json
 from halite import LAWS as HALITE_LAWS
 from halite import halite_tasks
 from league import Contest, league_section, league_sentence
 from posterior_database import write_posterior
 
-from pyburgers import (
-    AttenuationExperiment,
-    ConstantRateExperiment,
-    Experiment,
-    Fit,
-    PageSection,
-    PageTable,
-    SamplerOptions,
-    SamplingError,
-    Task,
-    export,
-    fit_side_by_side,
-    load_experiment,
-    task_of,
-    with_variant,
-    write_report,
-)
-from pyburgers import (
-    priors as default_priors,
-)
+import pyburgers
+from pyburgers import Experiment, Fit, PageSection, PageTable, SamplerOptions, fit_side_by_side
 
 logger = logging.getLogger("pyburgers.collection")
 
@@ -131,7 +113,7 @@ OF_A_RUN = ("fingerprint", "command", "started", "sampler", "solver", "coordinat
 
 def experiment_of(name: str) -> Experiment:
     """Read a test, under its name in the collection."""
-    return replace(load_experiment(DATA / ROCKS[name].file), id=name)
+    return replace(pyburgers.load_experiment(DATA / ROCKS[name].file), id=name)
 
 
 def halves_of(test: Experiment) -> tuple[Experiment, Experiment] | None:
@@ -140,10 +122,10 @@ def halves_of(test: Experiment) -> tuple[Experiment, Experiment] | None:
     The second has the whole history, and the readings of the last segment alone. None of a test
     that has no such parts.
     """
-    if isinstance(test, AttenuationExperiment):
+    if isinstance(test, pyburgers.AttenuationExperiment):
         hottest = next(iter(test.parts))
         return test.without_part(hottest), test.only_part(hottest)
-    if not isinstance(test, ConstantRateExperiment) or len(test.segments) < 2:
+    if not isinstance(test, pyburgers.ConstantRateExperiment) or len(test.segments) < 2:
         return None
     last = test.reading_segment == len(test.segments) - 1
     before = replace(
@@ -156,7 +138,7 @@ def halves_of(test: Experiment) -> tuple[Experiment, Experiment] | None:
     return before, replace(test, strain=test.strain[last], stress=test.stress[last])
 
 
-def runs_of(name: str, options: SamplerOptions) -> dict[str, Task]:
+def runs_of(name: str, options: SamplerOptions) -> dict[str, pyburgers.Task]:
     """Return the fits of a test by the names of their runs, in the order of its laws.
 
     Beside each fit stands one without the last part of the test, if the test has such parts.
@@ -166,15 +148,17 @@ def runs_of(name: str, options: SamplerOptions) -> dict[str, Task]:
     whole = experiment_of(name)
     halves = halves_of(whole)
     tests = {"": whole, **({BEFORE: halves[0]} if halves else {})}
-    priors = default_priors(whole.material, whole.protocol)
+    priors = pyburgers.priors(whole.material, whole.protocol)
     return {
-        f"{name}-{law}{end}": task_of([test], with_variant(priors, test, choices), options)
+        f"{name}-{law}{end}": pyburgers.task_of(
+            [test], pyburgers.with_variant(priors, test, choices), options
+        )
         for law, choices in ROCKS[name].laws.items()
         for end, test in tests.items()
     }
 
 
-def _halite_runs(options: SamplerOptions) -> dict[str, Task]:
+def _halite_runs(options: SamplerOptions) -> dict[str, pyburgers.Task]:
     """Return the fits of the study of salt, in the time and with at most the draws of options."""
     return {
         f"{HALITE}-{name.removeprefix('halite_')}": replace(
@@ -191,14 +175,14 @@ def _halite_runs(options: SamplerOptions) -> dict[str, Task]:
 
 
 def fit_all(
-    tasks: Mapping[str, Task], folder: Path, command: str
+    tasks: Mapping[str, pyburgers.Task], folder: Path, command: str
 ) -> tuple[dict[str, Fit], dict[str, str]]:
     """Do fits one after the other, and return them, and why the others could not be done."""
     fits, failed = dict[str, Fit](), dict[str, str]()
     for run, task in tasks.items():
         try:
             fits |= fit_side_by_side({run: task}, folder, command=command)
-        except SamplingError as error:
+        except pyburgers.SamplingError as error:
             failed[run] = str(error)
             logger.info(f"{run} could not be done: {error}")
     return fits, failed
@@ -222,7 +206,7 @@ def record_of(contest: Contest) -> dict[str, Any]:
     """Return what is shipped of a test: the export of the chosen law, and where it is from."""
     fit = contest.fits[contest.chosen]
     sizes = fit.posterior["posterior"].sizes
-    (text,) = export(fit, "json", draws=min(DRAWS, sizes["chain"] * sizes["draw"]))
+    (text,) = pyburgers.export(fit, "json", draws=min(DRAWS, sizes["chain"] * sizes["draw"]))
     origin, (material, kind) = fit.provenance, ROCKS[contest.name].terms
     return {
         **json.loads(text),
@@ -247,13 +231,12 @@ def record_of(contest: Contest) -> dict[str, Any]:
 
 def write_records(contests: Sequence[Contest], folder: Path, command: str) -> None:
     """Write a file for each test, and the index of all."""
-    folder.mkdir(parents=True, exist_ok=True)
     tests = []
     for contest in contests:
         record = record_of(contest)
         about = record["collection"]
         manifest = about["manifest"]
-        _write(folder / f"{contest.name}.json", record)
+        write_json(folder / f"{contest.name}.json", record, indent=1, allow_nan=False)
         tests.append(
             {
                 "name": contest.name,
@@ -266,12 +249,7 @@ def write_records(contests: Sequence[Contest], folder: Path, command: str) -> No
             }
         )
     said = {"sentence": league_sentence(contests), "command": command}
-    _write(folder / "index.json", {**said, "tests": tests})
-
-
-def _write(file: Path, content: Mapping[str, Any]) -> None:
-    text = json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False)
-    file.write_text(f"{text}\n", encoding="utf-8")
+    write_json(folder / "index.json", {**said, "tests": tests}, indent=1, allow_nan=False)
 
 
 def tests_section(contests: Sequence[Contest]) -> PageSection:
@@ -323,7 +301,7 @@ def write_page(
 ) -> Path:
     """Write the page with the league; both verdicts on every fit stand at its top."""
     section = league_section(contests, missing)
-    return write_report(
+    return pyburgers.write_report(
         [],
         out,
         title="An open collection of fitted rocks",
@@ -344,8 +322,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         "--finished", action="store_true", help="fit nothing: show the fits that are complete"
     )
     options = parser.parse_args(arguments)
-    logging.basicConfig(format="%(message)s")
-    logging.getLogger("pyburgers").setLevel(logging.INFO)
+    tell_progress()
     command, runs = COMMAND, options.out / "runs"
     if options.draws != OPTIONS.draws:
         command += f" --draws {options.draws}"

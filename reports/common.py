@@ -1,5 +1,7 @@
 """Helpers that the studies share."""
 
+import json
+import logging
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Protocol
@@ -44,6 +46,19 @@ class Fitted(Protocol):
     @property
     def posterior(self) -> xr.DataTree:
         """Its labelled draws."""
+
+
+def tell_progress() -> None:
+    """Print the progress of long calls."""
+    logging.basicConfig(format="%(message)s")
+    logging.getLogger("pyburgers").setLevel(logging.INFO)
+
+
+def write_json(file: Path, content: object, *, indent: int = 2, allow_nan: bool = True) -> None:
+    """Write a file, and its folder if there is none."""
+    file.parent.mkdir(parents=True, exist_ok=True)
+    text = json.dumps(content, indent=indent, ensure_ascii=False, allow_nan=allow_nan)
+    file.write_text(f"{text}\n", encoding="utf-8")
 
 
 def flat(values: xr.DataArray) -> FloatArray:

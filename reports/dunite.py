@@ -20,25 +20,8 @@ from common import (
     with_error,
 )
 
-from pyburgers import (
-    Comparison,
-    Fit,
-    Outcome,
-    PageFigure,
-    PageSection,
-    PageTable,
-    SamplerOptions,
-    Task,
-    compare,
-    load_experiment,
-    page_figure,
-    shown_quantity,
-    task_of,
-    with_variant,
-)
-from pyburgers import (
-    priors as default_priors,
-)
+import pyburgers
+from pyburgers import Comparison, Fit, Outcome, PageFigure, PageSection, PageTable, SamplerOptions
 
 ONE_RATE = "dunite_4506"
 """A test at one rate, with a peak."""
@@ -70,28 +53,34 @@ CURVE_CAPTION = (
 )
 
 
-def dunite_tasks(options: SamplerOptions) -> dict[str, Task]:
+def dunite_tasks(options: SamplerOptions) -> dict[str, pyburgers.Task]:
     """Return the fits of measured dunite, by the names of their runs.
 
     All have the given options, that of `ONE_RATE` at least `ONE_RATE_DRAWS` draws.
     """
     ids = (ONE_RATE, *(test for test, _ in STEPPED.values()), *TOGETHER)
-    tests = {name: load_experiment(DATA / "dunite" / f"{name}.toml") for name in ids}
-    priors = default_priors("dunite")
+    tests = {name: pyburgers.load_experiment(DATA / "dunite" / f"{name}.toml") for name in ids}
+    priors = pyburgers.priors("dunite")
     of_steps = {
-        name: task_of(
-            (replace(tests[test], id=name),), with_variant(priors, tests[test], laws), options
+        name: pyburgers.task_of(
+            (replace(tests[test], id=name),),
+            pyburgers.with_variant(priors, tests[test], laws),
+            options,
         )
         for name, (test, laws) in STEPPED.items()
     }
-    joint = task_of(
+    joint = pyburgers.task_of(
         [tests[name] for name in TOGETHER],
         priors,
         options,
         pool=dict.fromkeys(APPARATUS, "separate"),
     )
     longer = replace(options, draws=max(options.draws, ONE_RATE_DRAWS))
-    return {ONE_RATE: task_of([tests[ONE_RATE]], priors, longer), **of_steps, JOINT_RUN: joint}
+    return {
+        ONE_RATE: pyburgers.task_of([tests[ONE_RATE]], priors, longer),
+        **of_steps,
+        JOINT_RUN: joint,
+    }
 
 
 def rate_steps_section(fits: Mapping[str, Fit]) -> PageSection:
@@ -144,7 +133,7 @@ class LawsTried:
     @classmethod
     def of(cls, fits: Mapping[str, Fit]) -> "LawsTried":
         """Compare fits."""
-        return cls(fits, compare(fits) if len(fits) > 1 else None)
+        return cls(fits, pyburgers.compare(fits) if len(fits) > 1 else None)
 
     @property
     def standard(self) -> Fit:
@@ -172,7 +161,7 @@ class LawsTried:
         fit = self.fits[self.chosen]
         name, model = self.standard.experiment.id, fit.variant.short_text
         return replace(
-            page_figure(fit, "stress_strain"),
+            pyburgers.page_figure(fit, "stress_strain"),
             name=f"curve_{name}",
             title=f"{name}, {model} model",
             caption=CURVE_CAPTION,
@@ -249,7 +238,7 @@ class LawsTried:
 
 def _shown(table: pd.DataFrame) -> pd.DataFrame:
     """Return tables of `LawsTried` as text."""
-    noise = shown_quantity("stress_noise")
+    noise = pyburgers.shown_quantity("stress_noise")
     rows = table.to_dict("records")
     return pd.DataFrame(
         {

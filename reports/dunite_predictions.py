@@ -7,19 +7,8 @@ from functools import partial
 import pandas as pd
 from common import DATA
 
-from pyburgers import (
-    Experiment,
-    Fit,
-    PageFigure,
-    PageSection,
-    PageTable,
-    Prediction,
-    load_experiment,
-    prediction_figure,
-    score_sentence,
-    score_table,
-    surprise_sentence,
-)
+import pyburgers
+from pyburgers import Experiment, Fit, PageFigure, PageSection, PageTable, Prediction
 
 PREDICTED = ("dunite_4581", "dunite_4506")
 """Tests of other samples, with grains nine times as large: one with the slower rates, one hotter
@@ -38,7 +27,7 @@ PREDICTION_CAPTION = (
 
 def predicted_tests() -> tuple[Experiment, ...]:
     """Return the tests that are predicted."""
-    return tuple(load_experiment(DATA / "dunite" / f"{name}.toml") for name in PREDICTED)
+    return tuple(pyburgers.load_experiment(DATA / "dunite" / f"{name}.toml") for name in PREDICTED)
 
 
 def predictions_section(joint: Fit, experiments: Sequence[Experiment]) -> PageSection:
@@ -52,15 +41,16 @@ def predictions_section(joint: Fit, experiments: Sequence[Experiment]) -> PageSe
     ]
     # Why it is not a yes stands where the page tells of the joint fit.
     verdicts = {one.sentence: f"{one.answer}." for one in joint.verdicts().values()}
-    scores = {name: score_table(one) for name, one in predictions.items()}
-    said = {name: score_sentence(one, scores[name]) for name, one in predictions.items()}
+    scores = {name: pyburgers.score_table(one) for name, one in predictions.items()}
+    said = {name: pyburgers.score_sentence(one, scores[name]) for name, one in predictions.items()}
     table = pd.concat(scores)
     table.index.names = ["test", "score"]
     return PageSection(
         key="predicted_tests",
         title=f"Predicted before it is seen: {experiments[0].material}",
         paragraphs=tuple(
-            f"{name}: {surprise_sentence(one, scores[name])}" for name, one in predictions.items()
+            f"{name}: {pyburgers.surprise_sentence(one, scores[name])}"
+            for name, one in predictions.items()
         ),
         details=(
             f"The fit of {' and '.join(joint.manifest['experiments'])} together predicts "
@@ -88,7 +78,7 @@ def predictions_section(joint: Fit, experiments: Sequence[Experiment]) -> PageSe
                 f"{name}, predicted",
                 PREDICTION_CAPTION,
                 # What speaks against it stands in the text above.
-                partial(prediction_figure, replace(one, cautions=())),
+                partial(pyburgers.prediction_figure, replace(one, cautions=())),
                 said[name],
             )
             for name, one in predictions.items()

@@ -10,22 +10,13 @@ from pyburgers import Fit, PageSection, RateFit, write_report
 
 @dataclass(eq=False)
 class GrowingPage:
-    """A page that is written again after each of its fits.
+    """A page that is written again after each of its fits (`pyburgers.write_report`).
 
-    Attributes
-    ----------
-    out, title, command
-        As for `pyburgers.write_report`.
-    tests : mapping of str to str
-        Names of the tests of all fits, by the name of the fit.
-    shown : sequence of str
-        Those of them that have a section of their own, in the order of the page.
-    at_the_end : str
-        What is still to come besides fits, in words; empty if nothing is.
-    extras : sequence of PageSection
-        Parts beside the fits that are there already.
-    told : mapping of str to sequence of RateFit
-        Fits that one of the extras is about, by its key.
+    `tests`: names of the tests of all fits, by the name of the fit.
+    `shown`: fits that have a section of their own, in the order of the page.
+    `at_the_end`: what is still to come besides fits, in words; empty if nothing is.
+    `extras`: parts beside the fits that are there already.
+    `told`: fits that one of the extras is about, by its key.
     """
 
     out: Path

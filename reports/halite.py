@@ -8,7 +8,6 @@ sample::
 """
 
 import argparse
-import logging
 import shlex
 import sys
 from collections.abc import Mapping
@@ -34,32 +33,12 @@ from common import (
     bad_verdicts,
     shown_differences,
     shown_verdicts,
+    tell_progress,
 )
 from matplotlib.figure import Figure
 
-from pyburgers import (
-    Comparison,
-    Fit,
-    HistoryExperiment,
-    PageFigure,
-    PageSection,
-    PageTable,
-    Prior,
-    PriorSet,
-    SamplerOptions,
-    Task,
-    compare,
-    fit_side_by_side,
-    load_experiment,
-    load_priors,
-    rounded,
-    shown_quantity,
-    style,
-    task_of,
-    with_flow_law,
-    with_variant,
-    write_report,
-)
+import pyburgers
+from pyburgers import Fit, HistoryExperiment, PageFigure, PageSection, PageTable, Prior, PriorSet
 
 RECORD = "halite_z3"
 
@@ -78,12 +57,12 @@ LAWS: Mapping[str, str] = {
 QUICK = (POWER_LAW, SINE, SINE_HARDENING)
 """Laws that are sampled in some minutes of one core; the power law that hardens takes longer."""
 
-SHORT = SamplerOptions(chains=2, warmup=100, draws=700, adapt_delta=0.95, seed=1)
+SHORT = pyburgers.SamplerOptions(chains=2, warmup=100, draws=700, adapt_delta=0.95, seed=1)
 """Draws as far as they are needed for 400 independent ones: 0.4 of them or more are. Nothing
 diverges here at 0.95, and the default of histories would take several times the gradients; so would
 a warm-up of 150, whose first phase leaves the metric fewer draws than that of 100 does."""
 
-LONG = SamplerOptions(chains=2, warmup=200, draws=600, adapt_delta=0.95, seed=1)
+LONG = pyburgers.SamplerOptions(chains=2, warmup=200, draws=600, adapt_delta=0.95, seed=1)
 """For laws that harden. A warm-up of 100 leaves the metric of the sine so few draws that chains of
 400 still disagree."""
 
@@ -95,7 +74,7 @@ CORRELATION = Prior.of_family(
     "residual_correlation_time",
     "lognormal",
     {"location": 1.0e5, "scale": 0.7},
-    unit=shown_quantity("residual_correlation_time").si_unit,
+    unit=pyburgers.shown_quantity("residual_correlation_time").si_unit,
     source="Misfits of one load, which lasts four days: 90 % of the prior lies between 9 h and "
     "3.7 days. Residuals that drift for weeks would take over the strain that a law does not reach",
 )
@@ -118,11 +97,11 @@ PARTS: Mapping[str, str] = {
 PRIORS = DATA / "priors"
 
 
-def halite_tasks() -> dict[str, Task]:
+def halite_tasks() -> dict[str, pyburgers.Task]:
     """Return the fits of the measured creep, by the names of their runs; they are short."""
-    test = cast(HistoryExperiment, load_experiment(DATA / "halite" / f"{RECORD}.toml"))
+    test = cast(HistoryExperiment, pyburgers.load_experiment(DATA / "halite" / f"{RECORD}.toml"))
     return {
-        name: task_of(
+        name: pyburgers.task_of(
             [replace(test, id=name)],
             halite_priors(test, name),
             LONG if name in (SINE_HARDENING, POWER_LAW_HARDENING) else SHORT,
@@ -138,8 +117,8 @@ def halite_priors(test: HistoryExperiment, name: str) -> PriorSet:
     the sine that hardens: it follows each load more closely, and a drift over weeks would take the
     place of flow there.
     """
-    hardening = load_priors(PRIORS / "hardening" / f"{test.material}.toml")
-    plain = _of_one_grain_size(load_priors(PRIORS / f"{test.material}.toml"))
+    hardening = pyburgers.load_priors(PRIORS / "hardening" / f"{test.material}.toml")
+    plain = _of_one_grain_size(pyburgers.load_priors(PRIORS / f"{test.material}.toml"))
     of_fabric = ("steady_state_fabric_factor", "critical_strain_fabric")
     # The element of the plain priors takes all of a load's transient, which hardening takes else.
     of_element = ("kelvin_modulus", "kelvin_viscosity")
@@ -153,8 +132,8 @@ def halite_priors(test: HistoryExperiment, name: str) -> PriorSet:
     if name in (POWER_LAW, SINE):
         laws["fabric"] = "constant"
     if name == SINE_HARDENING:
-        return with_variant(priors, test, {**laws, "residuals": "independent"})
-    return with_variant(priors, test, {**laws, "residuals": "autocorrelated"}).exchanging(
+        return pyburgers.with_variant(priors, test, {**laws, "residuals": "independent"})
+    return pyburgers.with_variant(priors, test, {**laws, "residuals": "autocorrelated"}).exchanging(
         CORRELATION
     )
 
@@ -167,7 +146,7 @@ def _of_one_grain_size(priors: PriorSet) -> PriorSet:
         np.array(flow_law.quantities) == "grain_size_exponent", KEPT_OF_GRAIN_SIZE_EXPONENT, 1.0
     )
     narrow = replace(flow_law, covariance=flow_law.covariance * np.outer(share, share))
-    return with_flow_law(priors, narrow, priors.title)
+    return pyburgers.with_flow_law(priors, narrow, priors.title)
 
 
 def parts_of_readings(test: HistoryExperiment) -> npt.NDArray[np.str_]:
@@ -218,7 +197,7 @@ def halite_section(fits: Mapping[str, Fit]) -> PageSection:
     residuals = {name: _residual(fit) for name, fit in fits.items()}
     tests = {name: _history(fit) for name, fit in fits.items()}
     parts = {name: left_over(tests[name], residuals[name]) for name in fits}
-    comparison = compare(fits)
+    comparison = pyburgers.compare(fits)
     laws = _laws_table(fits, parts, comparison)
     closest = str(laws["left_over"].idxmin())
     test, table = tests[closest], parts[closest]
@@ -233,8 +212,8 @@ def halite_section(fits: Mapping[str, Fit]) -> PageSection:
         paragraphs=(
             f"Of {len(fits)} laws the {LAWS[closest]} leaves least over: {whole:.2g} (root mean "
             f"square) of a strain of {largest:.2g}, {100 * whole / largest:.1f} %. It is worst in "
-            f"the part '{worst}': {rounded(rms[worst], rms[worst])}, on the mean "
-            f"{rounded(mean[worst], rms[worst])}.",
+            f"the part '{worst}': {pyburgers.rounded(rms[worst], rms[worst])}, on the mean "
+            f"{pyburgers.rounded(mean[worst], rms[worst])}.",
             " ".join(_answers(laws, *about) for about in VERDICT_COLUMNS.items()),
         ),
         details=(
@@ -289,7 +268,7 @@ def _not_tried(fits: Mapping[str, Fit]) -> tuple[str, ...]:
 
 
 def _laws_table(
-    fits: Mapping[str, Fit], parts: Mapping[str, pd.DataFrame], comparison: Comparison
+    fits: Mapping[str, Fit], parts: Mapping[str, pd.DataFrame], comparison: pyburgers.Comparison
 ) -> pd.DataFrame:
     """Return what each law leaves over and how it predicts, by fit.
 
@@ -366,7 +345,7 @@ def _shown(table: pd.DataFrame) -> pd.DataFrame:
 
 def _draw(test: HistoryExperiment, residual: FloatArray) -> Figure:
     part = parts_of_readings(test)
-    with style():
+    with pyburgers.style():
         figure = Figure(figsize=(8.0, 5.0), layout="constrained")
         upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=[1, 2])
         for leg in test.legs:
@@ -395,11 +374,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--out", type=Path, default=Path("halite"), help="folder of runs and page")
     out = parser.parse_args().out
-    logging.basicConfig(format="%(message)s")
-    logging.getLogger("pyburgers").setLevel(logging.INFO)
+    tell_progress()
     command = shlex.join(["python", *sys.argv])
-    fits = fit_side_by_side(halite_tasks(), out / "runs", command=command)
-    page = write_report(
+    fits = pyburgers.fit_side_by_side(halite_tasks(), out / "runs", command=command)
+    page = pyburgers.write_report(
         list(fits.values()),
         out,
         title="Measured creep of rock salt",

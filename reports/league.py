@@ -21,18 +21,8 @@ from common import (
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from pyburgers import (
-    Comparison,
-    Experiment,
-    Fit,
-    Outcome,
-    PageFigure,
-    PageSection,
-    PageTable,
-    compare,
-    score_table,
-    style,
-)
+import pyburgers
+from pyburgers import Comparison, Experiment, Fit, Outcome, PageFigure, PageSection, PageTable
 
 COLOURS: Mapping[str, tuple[str, str]] = {
     "yes": (GREEN, "describes the data"),
@@ -78,7 +68,7 @@ class Contest:
         last_part = {
             law: predicted_part(fit, last) for law, fit in before.items() if last is not None
         }
-        return cls(name, fits, compare(fits) if len(fits) > 1 else None, last_part)
+        return cls(name, fits, pyburgers.compare(fits) if len(fits) > 1 else None, last_part)
 
     @property
     def best_first(self) -> list[str]:
@@ -154,7 +144,7 @@ def largest_misfit(fit: Fit) -> dict[str, Any]:
 
 def predicted_part(fit: Fit, last: Experiment) -> dict[str, Any]:
     """Return how a fit predicts readings that it has not seen, as a row of the league has it."""
-    scores = score_table(fit.predict(last, draws=PREDICTED_DRAWS))
+    scores = pyburgers.score_table(fit.predict(last, draws=PREDICTED_DRAWS))
     expected = scores["found"].between(scores["expected_q5"], scores["expected_q95"])
     return {
         "last_sampled_well": fit.sampled_well.value,
@@ -300,7 +290,7 @@ def _text(values: "pd.Series[float]", form: str) -> list[str]:
 def draw_league(table: pd.DataFrame) -> Figure:
     """Draw a dot for each test and law, coloured by the second verdict."""
     tests, laws = (list(dict.fromkeys(table[name])) for name in ("test", "law"))
-    with style():
+    with pyburgers.style():
         figure = Figure(figsize=(0.9 * len(laws) + 2.2, 0.5 * len(tests) + 2.0))
         figure.set_layout_engine("constrained")
         axes = figure.subplots()

@@ -27,28 +27,8 @@ from common import (
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from pyburgers import (
-    AttenuationExperiment,
-    Experiment,
-    Fit,
-    PageFigure,
-    PageSection,
-    PageTable,
-    Prediction,
-    SamplerOptions,
-    Task,
-    load_experiment,
-    page_figure,
-    score_sentence,
-    score_table,
-    style,
-    surprise_sentence,
-    task_of,
-    with_variant,
-)
-from pyburgers import (
-    priors as default_priors,
-)
+import pyburgers
+from pyburgers import AttenuationExperiment, Experiment, Fit, PageFigure, PageSection, PageTable
 
 SPECIMEN = "A1802"
 
@@ -76,24 +56,24 @@ def run_name(law: str, *, without_hottest: bool = False) -> str:
     return f"{name}_without_hottest" if without_hottest else name
 
 
-def spectra_tasks(options: SamplerOptions) -> dict[str, Task]:
+def spectra_tasks(options: pyburgers.SamplerOptions) -> dict[str, pyburgers.Task]:
     """Return the fits of the measured spectra, by the names of their runs.
 
     Each law is fitted to all temperatures, and to all but the hottest, which it then predicts.
     All have the given options, those of a band at least `BAND_DRAWS` draws; they warm up as long
     as tables of attenuation need.
     """
-    table = table_of(load_experiment(DATA / "olivine" / f"attenuation_{SPECIMEN}.toml"))
-    priors = default_priors(table.material, table.protocol)
+    table = table_of(pyburgers.load_experiment(DATA / "olivine" / f"attenuation_{SPECIMEN}.toml"))
+    priors = pyburgers.priors(table.material, table.protocol)
     colder = table.without_part(next(iter(table.parts)))
     tasks = {}
     for law, (kelvin, _) in LAWS.items():
         draws = max(options.draws, BAND_DRAWS) if law == BAND else options.draws
         settled = replace(options, warmup=None, draws=draws)
-        own = with_variant(priors, table, {"kelvin": kelvin})
+        own = pyburgers.with_variant(priors, table, {"kelvin": kelvin})
         for experiment in (table, colder):
             name = run_name(law, without_hottest=experiment is colder)
-            tasks[name] = task_of([replace(experiment, id=name)], own, settled)
+            tasks[name] = pyburgers.task_of([replace(experiment, id=name)], own, settled)
     return tasks
 
 
@@ -114,7 +94,7 @@ class LawTried:
 
     name: str
     fit: Fit
-    prediction: Prediction
+    prediction: pyburgers.Prediction
 
     @classmethod
     def of(cls, name: str, fits: Mapping[str, Fit]) -> "LawTried":
@@ -143,12 +123,12 @@ class LawTried:
 
     def surprise(self) -> str:
         """Say whether its prediction of the hottest temperature is as good as it expects."""
-        said = surprise_sentence(self.prediction, score_table(self.prediction))
+        said = pyburgers.surprise_sentence(self.prediction, pyburgers.score_table(self.prediction))
         return f"{self.name.capitalize()}: {said}"
 
     def predicted(self) -> str:
         """Say how well it predicts the hottest temperature from the others."""
-        scored = score_sentence(self.prediction, score_table(self.prediction))
+        scored = pyburgers.score_sentence(self.prediction, pyburgers.score_table(self.prediction))
         return f"{self.name.capitalize()}, {self.prediction.experiment.id}: {scored}"
 
 
@@ -189,7 +169,7 @@ def spectra_section(fits: Mapping[str, Fit]) -> PageSection:
         figures=(
             *(
                 replace(
-                    page_figure(one.fit, "master_curves"),
+                    pyburgers.page_figure(one.fit, "master_curves"),
                     name=f"master_curves_{one.name.replace(' ', '_')}",
                     title=f"Attenuation and modulus, {one.name}",
                 )
@@ -207,7 +187,8 @@ def spectra_section(fits: Mapping[str, Fit]) -> PageSection:
             *(
                 replace(one, title=f"{one.title}, {last.name}")
                 for one in (
-                    page_figure(last.fit, name) for name in ("arrhenius", "relaxation_spectrum")
+                    pyburgers.page_figure(last.fit, name)
+                    for name in ("arrhenius", "relaxation_spectrum")
                 )
             ),
         ),
@@ -274,7 +255,7 @@ def _draw_hottest(tried: list[LawTried]) -> Figure:
     """Draw the hottest spectrum with what each law predicts of it."""
     table = table_of(tried[0].prediction.experiment)
     readings = (table.readings.tan_delta, table.readings.modulus)
-    with style():
+    with pyburgers.style():
         figure = Figure(figsize=(8.6, 7.2), layout="constrained")
         panels = figure.subplots(2, 1, sharex=True)
         for axes, (quantity, label, factor) in zip(panels, QUANTITIES, strict=True):

@@ -3,13 +3,13 @@
 import json
 import re
 import zipfile
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import arviz as az
 import numpy as np
 import pandas as pd
+from common import write_json
 
 from pyburgers import Fit, shipped_folder
 
@@ -29,14 +29,13 @@ def write_posterior(fit: Fit, name: str, out: Path) -> Path:
     that the model needs no other file.
     """
     program = fit.problem.likelihood.program
-    model, run = f"burgers_{program.stem}", fit.directory.path
-    draws = chains_of(run)
+    model, draws = f"burgers_{program.stem}", chains_of(fit)
     origin, today = fit.provenance, fit.manifest["started"][:10]
     added = {"added_by": "pyburgers", "added_date": today}
     posterior = f"{name}-{model}"
-    data = json.loads((run / "stan_data.json").read_text(encoding="utf-8")) | {"solver": 0}
+    data = {**fit.directory.read_stan_data(), "solver": 0}
     _zip(out / "data" / "data" / f"{name}.json.zip", data)
-    _write(
+    write_json(
         out / "data" / "info" / f"{name}.info.json",
         {
             "name": name,
@@ -48,7 +47,7 @@ def write_posterior(fit: Fit, name: str, out: Path) -> Path:
             **added,
         },
     )
-    _write(
+    write_json(
         out / "models" / "info" / f"{model}.info.json",
         {
             "name": model,
@@ -63,7 +62,7 @@ def write_posterior(fit: Fit, name: str, out: Path) -> Path:
     code = out / "models" / "stan" / f"{model}.stan"
     code.parent.mkdir(parents=True, exist_ok=True)
     code.write_text(whole_program(program), encoding="utf-8")
-    _write(
+    write_json(
         out / "posteriors" / f"{posterior}.json",
         {
             "name": posterior,
@@ -77,7 +76,7 @@ def write_posterior(fit: Fit, name: str, out: Path) -> Path:
     )
     reference = out / "reference_posteriors" / "draws"
     _zip(reference / "draws" / f"{posterior}.json.zip", draws)
-    _write(reference / "info" / f"{posterior}.info.json", _info(fit, posterior, draws) | added)
+    write_json(reference / "info" / f"{posterior}.info.json", _info(fit, posterior, draws) | added)
     return out
 
 
@@ -91,25 +90,16 @@ def whole_program(program: Path) -> str:
     return INCLUDE.sub(included, program.read_text(encoding="utf-8"))
 
 
-def chains_of(run: Path) -> list[dict[str, list[float]]]:
-    """Return the draws of each chain of a run directory, by parameter: ``coordinate[1]`` on."""
-    chains = []
-    for folder in sorted((run / "chains").glob("chain_*")):
-        # The last extension of a chain holds all its draws.
-        last = max((folder, *folder.glob("extended_*")), key=_number_of_extension)
-        table = pd.read_csv(
-            last / "draws.csv",
-            comment="#",
-            usecols=lambda name: str(name).startswith(f"{COORDINATE}."),
-        )
-        chains.append(
-            {f"{COORDINATE}[{k + 1}]": table.iloc[:, k].tolist() for k in range(table.shape[1])}
-        )
-    return chains
-
-
-def _number_of_extension(folder: Path) -> int:
-    return int(folder.name.removeprefix("extended_")) if folder.name.startswith("e") else 0
+def chains_of(fit: Fit) -> list[dict[str, list[float]]]:
+    """Return the draws of each chain of a fit, by parameter: ``coordinate[1]`` on."""
+    tables = (
+        pd.read_csv(file, comment="#", usecols=lambda name: str(name).startswith(f"{COORDINATE}."))
+        for file in fit.directory.draws_files()
+    )
+    return [
+        {f"{COORDINATE}[{k + 1}]": table.iloc[:, k].tolist() for k in range(table.shape[1])}
+        for table in tables
+    ]
 
 
 def _info(fit: Fit, posterior: str, chains: list[dict[str, list[float]]]) -> dict[str, Any]:
@@ -158,12 +148,6 @@ def _info(fit: Fit, posterior: str, chains: list[dict[str, list[float]]]) -> dic
         "comments": " ".join(verdict.sentence for verdict in fit.verdicts().values()),
         "versions": fit.manifest["versions"],
     }
-
-
-def _write(file: Path, content: Mapping[str, Any]) -> None:
-    file.parent.mkdir(parents=True, exist_ok=True)
-    text = json.dumps(content, indent=2, ensure_ascii=False)
-    file.write_text(f"{text}\n", encoding="utf-8")
 
 
 def _zip(file: Path, content: object) -> None:

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal, cast
 
-from common import DATA
+from common import DATA, tell_progress
 from dunite import JOINT_RUN, ONE_RATE, STEPPED, dunite_tasks, rate_steps_section
 from dunite_predictions import predicted_tests, predictions_section
 from growing_page import GrowingPage
@@ -25,39 +25,8 @@ from halite import halite_section, halite_tasks
 from maor.sections import ice_attenuation_section, study_sections
 from olivine_spectra import run_name, spectra_section, spectra_tasks
 
-from pyburgers import (
-    Experiment,
-    Fit,
-    InputError,
-    MeasuredAttenuation,
-    OscillationExperiment,
-    PageSection,
-    PyburgersError,
-    RateFit,
-    RateLaw,
-    RateTable,
-    SamplerOptions,
-    Task,
-    Workers,
-    comparison_sections,
-    fit_rates,
-    fit_side_by_side,
-    flow_law_prior,
-    joint_sections,
-    load_experiment,
-    load_measured_attenuation,
-    load_rate_table,
-    rate_law,
-    rate_section,
-    task_of,
-    with_background,
-    with_curve_flow_law,
-    with_flow_law,
-    without_test,
-)
-from pyburgers import (
-    priors as default_priors,
-)
+import pyburgers
+from pyburgers import Fit, PageSection, RateFit, SamplerOptions, Task, fit_rates, fit_side_by_side
 
 logger = logging.getLogger("pyburgers.study")
 
@@ -118,34 +87,26 @@ LONGEST_FIRST = (
 """Order in which the fits begin, so that none is left over for one core at the end."""
 
 
-ALL_HERE = Workers()
+ALL_HERE = pyburgers.Workers()
 
 
 @dataclass(frozen=True)
 class Study:
     """What a call does.
 
-    Attributes
-    ----------
-    preset : str
-        A key of `PRESETS`.
-    out : Path
-        Folder of the page; the runs go into its subfolder ``runs``, where a call for the whole
+    `preset`: a key of `PRESETS`.
+    `out`: folder of the page; the runs go into its subfolder ``runs``, where a call for the whole
         study finds those of its main part.
-    command : str
-        Command that regenerates the page, for the manifests.
-    workers : Workers
-        Who does the fits.
-    measured : MeasuredAttenuation, optional
-        Points to draw over the spectra of ice, such as those of the paper's Fig. 6, which are not
-        public.
+    `command`: regenerates the page, for the manifests.
+    `measured`: points to draw over the spectra of ice, such as those of the paper's Fig. 6, which
+        are not public.
     """
 
     preset: str
     out: Path
     command: str
-    workers: Workers = ALL_HERE
-    measured: MeasuredAttenuation | None = None
+    workers: pyburgers.Workers = ALL_HERE
+    measured: pyburgers.MeasuredAttenuation | None = None
 
     @property
     def runs(self) -> Path:
@@ -177,14 +138,17 @@ class Study:
     def fit_measured_ice(self) -> tuple[PageSection, RateFit]:
         """Fit a power law to measured rates of ice; return its part of the page, which is first."""
         logger.info(f"Fitting measured rates of ice: {', '.join(ICE_TABLES)}.")
-        tables = [load_rate_table(DATA / "ice" / "rates" / f"{name}.toml") for name in ICE_TABLES]
+        tables = [
+            pyburgers.load_rate_table(DATA / "ice" / "rates" / f"{name}.toml")
+            for name in ICE_TABLES
+        ]
         fit = fit_rates(tables, out=self.runs / ICE_RATES, command=self.command)
-        return replace(rate_section(fit, ICE_RATES), after_fits=False), fit
+        return replace(pyburgers.rate_section(fit, ICE_RATES), after_fits=False), fit
 
     def fit_peak_stresses(self) -> tuple[RateFit, RateFit]:
         """Fit all measured peak stresses, and those whose flow law is handed on."""
         found = []
-        curve = default_priors("ice")
+        curve = pyburgers.priors("ice")
         for name, (data, law) in peak_stress_problems().items():
             about = f"{data.n_rows} measured peak stresses: {law.priors.title}"
             logger.info(f"Fitting the flow law of {about}.")
@@ -194,12 +158,15 @@ class Study:
         return everything, handed_on
 
 
-def study_experiments() -> dict[str, Experiment]:
+def study_experiments() -> dict[str, pyburgers.Experiment]:
     """Read the shipped twins of the paper's tests, by the names of their runs."""
-    ice = {name: load_experiment(DATA / "ice" / f"{name}.toml") for name in ICE_TWINS}
-    record = cast(OscillationExperiment, load_experiment(DATA / "olivine" / "olivine_twin.toml"))
+    ice = {name: pyburgers.load_experiment(DATA / "ice" / f"{name}.toml") for name in ICE_TWINS}
+    record = cast(
+        pyburgers.OscillationExperiment,
+        pyburgers.load_experiment(DATA / "olivine" / "olivine_twin.toml"),
+    )
     olivine = {
-        name: replace(with_background(record, background), id=name)
+        name: replace(pyburgers.with_background(record, background), id=name)
         for background, name in OLIVINE_RUNS.items()
     }
     return {**ice, **olivine}
@@ -211,9 +178,9 @@ def twin_tasks(preset: str) -> dict[str, Task]:
     settled = replace(options, warmup=None)
     fewer = QUICK_DRAWS if preset == "quick" else {}
     return {
-        name: task_of(
+        name: pyburgers.task_of(
             [one],
-            default_priors(one.material),
+            pyburgers.priors(one.material),
             replace(
                 options if name in ICE_TWINS else settled, draws=fewer.get(name, options.draws)
             ),
@@ -269,7 +236,7 @@ def whole_study(study: Study) -> Path:
     fits = [*alone, *joint.tests().values(), *(found[name] for name in twins)]
     of_spectra = spectra_section({name: found[name] for name in spectra})
     of_halite = halite_section({name: found[name] for name in halite})
-    of_peaks = rate_section(peak_stress)
+    of_peaks = pyburgers.rate_section(peak_stress)
     return page.write(
         fits,
         joints=[joint],
@@ -279,14 +246,14 @@ def whole_study(study: Study) -> Path:
             predictions_section(joint, predicted_tests()),
             of_spectra,
             of_halite,
-            *joint_sections([joint], alone),
+            *pyburgers.joint_sections([joint], alone),
             *study_sections(
                 {name: found[name] for name in ICE_TWINS},
                 {background: found[name] for background, name in OLIVINE_RUNS.items()},
                 study.measured,
             ),
             of_peaks,
-            *comparison_sections([joint, *fits]),
+            *pyburgers.comparison_sections([joint, *fits]),
         ),
         told={
             of_ice.key: [rates],
@@ -319,25 +286,29 @@ def _measured_tasks(preset: str) -> tuple[dict[str, Task], dict[str, Task], dict
     return dunite_tasks(options), spectra_tasks(options), quick
 
 
-def peak_stress_problems() -> dict[str, tuple[RateTable, RateLaw]]:
+def peak_stress_problems() -> dict[str, tuple[pyburgers.RateTable, pyburgers.RateLaw]]:
     """Tables and laws of the two fits, by the names of their runs: the second is handed on.
 
     It has the priors of the curve that gets it, and not the row that may be this curve itself.
     """
-    table = load_rate_table(DATA / "ice" / "rates" / f"{PEAK_STRESS_TABLE}.toml")
-    others = without_test(table, load_experiment(DATA / "ice" / f"{COMBINED_TWIN}.toml"))
-    weak = rate_law("ice_flow_law")
+    table = pyburgers.load_rate_table(DATA / "ice" / "rates" / f"{PEAK_STRESS_TABLE}.toml")
+    others = pyburgers.without_test(
+        table, pyburgers.load_experiment(DATA / "ice" / f"{COMBINED_TWIN}.toml")
+    )
+    weak = pyburgers.rate_law("ice_flow_law")
     return {
         PEAK_STRESS_TABLE: (table, weak),
-        HANDED_ON_RUN: (others, with_curve_flow_law(weak, default_priors("ice"))),
+        HANDED_ON_RUN: (others, pyburgers.with_curve_flow_law(weak, pyburgers.priors("ice"))),
     }
 
 
 def combined_task(handed_on: RateFit) -> Task:
     """Return the fit of one of the curves that gets its flow law from peak stresses."""
     twin = study_experiments()[COMBINED_TWIN]
-    priors = with_flow_law(default_priors(twin.material), flow_law_prior(handed_on), HANDED_ON_RUN)
-    return task_of([replace(twin, id=COMBINED_RUN)], priors, PRESETS["quick"])
+    priors = pyburgers.with_flow_law(
+        pyburgers.priors(twin.material), pyburgers.flow_law_prior(handed_on), HANDED_ON_RUN
+    )
+    return pyburgers.task_of([replace(twin, id=COMBINED_RUN)], priors, PRESETS["quick"])
 
 
 def part_of(text: str) -> tuple[int, int]:
@@ -381,12 +352,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     if options.main and options.part is not None:
         parser.error("--part is for the whole study; leave out --part or --main.")
-    logging.basicConfig(format="%(message)s")
-    logging.getLogger("pyburgers").setLevel(logging.INFO)
+    tell_progress()
     typed = sys.argv if arguments is None else ["reports/study.py", *arguments]
     try:
-        measured = options.measured and load_measured_attenuation(options.measured)
-        workers = Workers(jobs=options.jobs, part=options.part)
+        measured = options.measured and pyburgers.load_measured_attenuation(options.measured)
+        workers = pyburgers.Workers(jobs=options.jobs, part=options.part)
         study = Study(
             options.preset, options.out, shlex.join(["python", *typed]), workers, measured
         )
@@ -395,9 +365,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
             print("The fits of part {}/{} are done.".format(*options.part))
         else:
             print(f"The page is {main_part(study) if options.main else whole_study(study)}")
-    except PyburgersError as error:
+    except pyburgers.PyburgersError as error:
         print(f"error: {error}", file=sys.stderr)
-        return 2 if isinstance(error, InputError) else 1
+        return 2 if isinstance(error, pyburgers.InputError) else 1
     return 0
 
 

@@ -7,17 +7,9 @@ import numpy as np
 import pandas as pd
 from common import Fitted, FloatArray, central, interval, parameter_draws, prediction_draws
 
+import pyburgers
 from maor.olivine_statements import oscillation_of
-from pyburgers import (
-    Fit,
-    PageSection,
-    PageTable,
-    flow_rate,
-    page_figure,
-    shown_quantity,
-    simulate,
-    unit_text,
-)
+from pyburgers import Fit, PageSection, PageTable
 
 COMPARED_PARAMETERS = (
     "kelvin_modulus",
@@ -42,7 +34,7 @@ def preparation_section(fits: Mapping[str, Fit]) -> PageSection:
         ),
         figures=tuple(
             replace(
-                page_figure(fit, "preparation"),
+                pyburgers.page_figure(fit, "preparation"),
                 name=fit.experiment.id,
                 title=f"From the record to the model, {fit.experiment.id}",
             )
@@ -110,12 +102,12 @@ def _compared(fits: Mapping[str, Fit]) -> list[_Compared]:
     truths = next(iter(fits.values())).experiment.true_parameters or {}
     rows = []
     for name in COMPARED_PARAMETERS:
-        quantity = shown_quantity(name)
+        quantity = pyburgers.shown_quantity(name)
         rows.append(
             _Compared(
                 quantity.label,
                 quantity.si_unit,
-                unit_text(quantity),
+                pyburgers.unit_text(quantity),
                 quantity.display_factor,
                 {key: parameter_draws(fit, name) for key, fit in fits.items()},
                 truths.get(name),
@@ -127,8 +119,8 @@ def _compared(fits: Mapping[str, Fit]) -> list[_Compared]:
     true_rate, true_grain = (
         _true_state(fits["kept"], truths) if "kept" in fits and truths else (None, None)
     )
-    rate = shown_quantity("reference_flow_rate")
-    of_rate = (rate.si_unit, unit_text(rate), rate.display_factor)
+    rate = pyburgers.shown_quantity("reference_flow_rate")
+    of_rate = (rate.si_unit, pyburgers.unit_text(rate), rate.display_factor)
     rows.append(_Compared("largest rate of the dashpot", *of_rate, rates, true_rate))
     rows.append(_Compared("grain size at the end", "m", "µm", 1e6, grains, true_grain))
     return rows
@@ -145,8 +137,8 @@ def _last_grains(fit: Fitted) -> FloatArray:
 def _true_state(fit: Fitted, truths: Mapping[str, float]) -> tuple[float, float]:
     """Largest rate of the dashpot (1/s) and last grain size (m) at the true parameters."""
     times = fit.posterior["predictions"]["time"].to_numpy()
-    solution = simulate(fit.experiment, truths, at=times)
-    rates = flow_rate(
+    solution = pyburgers.simulate(fit.experiment, truths, at=times)
+    rates = pyburgers.flow_rate(
         truths,
         solution["stress_Pa"],
         temperature=fit.experiment.temperature,

@@ -14,6 +14,7 @@ from functools import partial
 import pandas as pd
 from common import Fitted, central, flat, interval
 
+import pyburgers
 from maor import drawings
 from maor.attenuation import (
     AMPLITUDE_REGIMES,
@@ -31,16 +32,7 @@ from maor.olivine import background_section, preparation_section
 from maor.olivine_statements import STRESS_AMPLITUDE, olivine_statements
 from maor.statements import GROUNDS, VERDICTS_TEXT, Statement, Verdict, statements_table
 from maor.stress_floor import stress_floor_section
-from pyburgers import (
-    Fit,
-    MeasuredAttenuation,
-    PageFigure,
-    PageSection,
-    PageTable,
-    Regime,
-    attenuation_section,
-    predict_attenuation,
-)
+from pyburgers import Fit, MeasuredAttenuation, PageFigure, PageSection, PageTable, Regime
 
 logger = logging.getLogger("pyburgers.study")
 
@@ -231,7 +223,7 @@ def ice_attenuation_section(
     fits: Mapping[str, Fit], measured: MeasuredAttenuation | None = None
 ) -> PageSection:
     """Return figures and tables of attenuation, with one elastic modulus for all samples too."""
-    section = attenuation_section(fits, AMPLITUDE_REGIMES, measured)
+    section = pyburgers.attenuation_section(fits, AMPLITUDE_REGIMES, measured)
     saved, shown = elastic_modulus_tables(fits)
     modulus = PageTable(
         "elastic_modulus",
@@ -260,29 +252,20 @@ def elastic_modulus_tables(fits: Mapping[str, Fit]) -> tuple[pd.DataFrame, pd.Da
         modulus = float(fit.posterior["posterior"]["maxwell_modulus"].median()) * 1e-9
         spectra = {
             whose: flat(
-                predict_attenuation(
+                pyburgers.predict_attenuation(
                     fit, MODULUS_FREQUENCIES, [MODULUS_REGIME], elastic_modulus=given
                 )["tan_delta"].transpose(..., "regime", "frequency")
             )[:, 0]
             for whose, given in (("own", None), ("ice", ICE_MODULUS))
         }
         for k, frequency in enumerate(MODULUS_FREQUENCIES):
-            own, ice = (spectra[whose][:, k] for whose in ("own", "ice"))
-            saved.append(
-                {
-                    "sample": name,
-                    "maxwell_modulus_GPa": modulus,
-                    "frequency_Hz": frequency,
-                    **dict(zip(("own_q5", "own_q50", "own_q95"), central(own), strict=True)),
-                    **dict(zip(("ice_q5", "ice_q50", "ice_q95"), central(ice), strict=True)),
-                }
-            )
-            cells = (
-                f"{modulus:.3g}",
-                f"{frequency:.3g}",
-                *(interval(x, ".3g") for x in (own, ice)),
-            )
-            shown.append((name, *cells))
+            row = {"sample": name, "maxwell_modulus_GPa": modulus, "frequency_Hz": frequency}
+            for whose, draws in spectra.items():
+                quantiles = zip((5, 50, 95), central(draws[:, k]), strict=True)
+                row |= {f"{whose}_q{share}": value for share, value in quantiles}
+            saved.append(row)
+            texts = (interval(draws[:, k], ".3g") for draws in spectra.values())
+            shown.append((name, f"{modulus:.3g}", f"{frequency:.3g}", *texts))
     table = pd.DataFrame(saved)
     if len(fits) > 1:
         for label, rows in table.groupby("frequency_Hz"):

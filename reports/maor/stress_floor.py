@@ -48,13 +48,7 @@ class FloorEffect:
 
 
 def floor_effects(fit: Fitted) -> tuple[FloorEffect, ...]:
-    """Solve draws of a fit under each of `FLOORS`.
-
-    Raises
-    ------
-    SamplingError
-        If none of the draws has a solution under a floor.
-    """
+    """Solve draws of a fit under each of `FLOORS`; raise SamplingError if none has a solution."""
     free = {name: parameter_draws(fit, name) for name in fit.priors.free}
     known = {name: prior.location for name, prior in fit.priors.priors.items() if prior.is_fixed}
     size = next(iter(free.values())).size

@@ -25,21 +25,18 @@ from growing_tables import Key, Row, grow, parser_of
 from measures import core_seconds
 from tables import ROOT, markdown
 
+from pyburgers import Experiment, HistoryExperiment, SamplerOptions, SamplingError
 from pyburgers.common.atomic_files import write_text
 from pyburgers.common.draws import all_draws
-from pyburgers.common.errors import SamplingError
 from pyburgers.fitting.fit import Fit, fit_problem
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment
-from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.forward import simulate_data
 from pyburgers.kinds.likelihood import likelihood_of
-from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.problem import problem_of
 from pyburgers.kinds.together import default_priors_for, pooling_for
 from pyburgers.model.parameters import PARAMETER_BY_NAME
 from pyburgers.predictions.design_plans import Candidate, load_design_plan
 from pyburgers.predictions.designs import design, places_read
-from pyburgers.sampling.options import SamplerOptions
 from pyburgers.sbc.data_sets import SHORT_RUN, not_converged
 
 PLAN = load_design_plan(ROOT / "data" / "designs" / "ice.toml")

@@ -23,18 +23,14 @@ from growing_tables import Key, Row, grow, parser_of
 from measures import core_seconds, measure
 from tables import ROOT, markdown
 
+from pyburgers import Experiment, HistoryExperiment, SamplerOptions, SamplingError, load_experiment
 from pyburgers.checks.fit_checks import CheckKind, Outcome
 from pyburgers.common.atomic_files import write_text
-from pyburgers.common.errors import SamplingError
 from pyburgers.fitting.fit import Fit, fit_problem
-from pyburgers.kinds.experiment import Experiment
-from pyburgers.kinds.kind import load_experiment
-from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.stages import Stage
 from pyburgers.kinds.problem import Problem, problem_of
 from pyburgers.kinds.together import pooling_for
 from pyburgers.model.priors import default_priors, load_priors
-from pyburgers.sampling.options import SamplerOptions
 from pyburgers.sampling.repetitions import shortened
 from pyburgers.sbc.data_sets import Range, calibration_priors, simulate_from_prior
 

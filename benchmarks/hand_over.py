@@ -18,16 +18,13 @@ from growing_tables import Key, Row, grow
 from simulated_tables import rank_curve, rank_hand_over, simulate_table
 from tables import ICE, ROOT, markdown, verdict_table
 
+from pyburgers import Prior, SamplerOptions, load_experiment, load_rate_table
 from pyburgers.common.atomic_files import write_text
 from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.flow_law_tables.laws import SCATTER, RateLaw, rate_law
-from pyburgers.flow_law_tables.table_files import load_rate_table
 from pyburgers.flow_law_tables.tables import RateTable, without_test
-from pyburgers.kinds.kind import load_experiment
 from pyburgers.model.flow_law_prior import FlowLawPrior
-from pyburgers.model.prior_families import Prior
 from pyburgers.model.priors import default_priors
-from pyburgers.sampling.options import SamplerOptions
 from pyburgers.sbc.data_sets import DataSetPlan, calibration_priors
 from pyburgers.sbc.rank_uniformity import VERDICTS_TEXT
 

@@ -17,11 +17,8 @@ import pandas as pd
 from scipy import stats
 from tables import ICE, RESULTS, markdown
 
-from pyburgers.checks.fit_checks import Outcome
+from pyburgers import Fit, LoadingHistory, Outcome, Prediction, SamplerOptions, fit
 from pyburgers.common.array_types import FloatArray
-from pyburgers.fitting.fit import Fit, fit
-from pyburgers.fitting.prediction import Prediction
-from pyburgers.kinds.arrays import LoadingHistory
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, RateSegment
 from pyburgers.kinds.constant_rate.files import load_constant_rate
 from pyburgers.kinds.forward import simulate, simulate_data
@@ -30,7 +27,6 @@ from pyburgers.model.parameters import PARAMETER_BY_NAME
 from pyburgers.model.prior_families import fixed_prior
 from pyburgers.model.priors import PriorSet, default_priors
 from pyburgers.predictions.other_tests import BANDS
-from pyburgers.sampling.options import SamplerOptions
 
 EXPLANATION = """# Predicted creep
 

@@ -15,9 +15,8 @@ import xarray as xr
 from check_sizes import upper_limit
 from linear_priors import NAMES, normal_fits, uniform_fits
 
+from pyburgers import Fit, PriorSet
 from pyburgers.checks.prior_influence import Origin, prior_influence
-from pyburgers.fitting.fit import Fit
-from pyburgers.model.priors import PriorSet
 
 AWAY = (2.0, 3.0, 4.0, 5.0)
 NOISE = (0.01, 0.1, 0.3)

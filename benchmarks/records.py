@@ -17,14 +17,12 @@ import pandas as pd
 from measures import measure
 from tables import ICE, RESULTS, markdown
 
+from pyburgers import ConstantRateExperiment, SamplerOptions, fit
 from pyburgers.common.array_types import FloatArray
-from pyburgers.fitting.fit import fit
-from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment
 from pyburgers.kinds.constant_rate.files import load_constant_rate
 from pyburgers.kinds.forward import simulate_data
 from pyburgers.model.priors import default_priors
 from pyburgers.page.tables import truth_table
-from pyburgers.sampling.options import SamplerOptions
 
 EXPLANATION = """# Other records
 

@@ -26,12 +26,10 @@ from processes import MIB, run_together
 from six_state import N_CHAINS, USUAL_LENGTH, WARMUP, WARMUP_SECONDS, run_baseline
 from tables import ICE, RESULTS, ROOT, markdown
 
-from pyburgers.cmdstan.program import load_program
+from pyburgers import Fit, OscillationExperiment, load_program, with_background
 from pyburgers.cmdstan.toolchain import find_cmdstan, toolchain
 from pyburgers.common.messages import messages_to
 from pyburgers.drawing.style import BLUE, GREY, ORANGE
-from pyburgers.fitting.fit import Fit
-from pyburgers.kinds.forced_oscillation.experiment import OscillationExperiment, with_background
 from pyburgers.kinds.forced_oscillation.preparation import Background
 from pyburgers.kinds.kind import load_experiment, save_experiment
 from pyburgers.kinds.likelihood import likelihood_of

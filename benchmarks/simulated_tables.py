@@ -13,11 +13,9 @@ from pathlib import Path
 
 import numpy as np
 
+from pyburgers import PriorSet, SamplingError, fit_rates, flow_law_prior, with_flow_law
 from pyburgers.checks.fit_checks import CheckKind
 from pyburgers.common.draws import FloatArray
-from pyburgers.common.errors import SamplingError
-from pyburgers.flow_law_tables.fit_rates import fit_rates
-from pyburgers.flow_law_tables.hand_over import flow_law_prior
 from pyburgers.flow_law_tables.laws import SCATTER, RateLaw, with_curve_flow_law
 from pyburgers.flow_law_tables.softening import simulate_peaks
 from pyburgers.flow_law_tables.tables import PeakStrain, RateTable
@@ -25,7 +23,6 @@ from pyburgers.kinds.experiment import Experiment, Provenance
 from pyburgers.kinds.forward import simulate_data
 from pyburgers.kinds.problem import one_test
 from pyburgers.model.flow_law_prior import PRIOR_QUANTITIES, FlowLawPrior
-from pyburgers.model.priors import PriorSet, with_flow_law
 from pyburgers.sbc.data_sets import DataSetPlan, Simulated, fit_and_rank, lengthened
 from pyburgers.sbc.replication import Replication
 

@@ -17,16 +17,12 @@ from chain_files import read_chain
 from gradients import ms_per_gradient
 from processes import MIB, run_together
 
-from pyburgers.cmdstan.program import load_program
+from pyburgers import Fit, OscillationExperiment, PriorSet, SamplingError, load_program
 from pyburgers.common.array_types import FloatArray
 from pyburgers.common.atomic_files import write_json
-from pyburgers.common.errors import SamplingError
 from pyburgers.common.messages import messages_to
-from pyburgers.fitting.fit import Fit
-from pyburgers.kinds.forced_oscillation.experiment import OscillationExperiment
 from pyburgers.kinds.stan_data import PlainCoordinates
 from pyburgers.model.parameters import PARAMETERS
-from pyburgers.model.priors import PriorSet
 
 WARMUP = 8
 """Iterations of step-size adaptation."""

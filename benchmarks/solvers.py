@@ -17,16 +17,15 @@ from first_go import data_set
 from gradients import Position, coordinates, ms_per_gradient
 from tables import ICE, RESULTS, ROOT, markdown
 
+from pyburgers import SamplerOptions, load_experiment
 from pyburgers.cmdstan.draw_files import read_draws
 from pyburgers.cmdstan.program import Program, load_program
 from pyburgers.common.atomic_files import write_json
 from pyburgers.fitting.fit import fit_problem
-from pyburgers.kinds.kind import load_experiment
 from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.kinds.problem import Problem, problem_of
 from pyburgers.kinds.stan_data import SOLVERS
 from pyburgers.model.priors import default_priors
-from pyburgers.sampling.options import SamplerOptions
 from pyburgers.sampling.run_directory import RunDirectory
 
 FILES: Mapping[str, Path] = {

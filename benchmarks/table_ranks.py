@@ -14,19 +14,15 @@ import pandas as pd
 from growing_tables import Key, Row, grow, parser_of
 from tables import ICE, markdown, verdict_table
 
-from pyburgers.checks.fit_checks import Outcome
-from pyburgers.cmdstan.program import load_program
+from pyburgers import Outcome, SamplerOptions, SamplingError, fit_rates, load_program
 from pyburgers.cmdstan.toolchain import stan_directory
 from pyburgers.common.atomic_files import write_text
 from pyburgers.common.draws import all_draws, evenly_spaced
-from pyburgers.common.errors import SamplingError
-from pyburgers.flow_law_tables.fit_rates import fit_rates
 from pyburgers.flow_law_tables.laws import RateLaw, rate_law
 from pyburgers.flow_law_tables.program_data import law_for, rate_data
 from pyburgers.flow_law_tables.table_files import load_rate_table
 from pyburgers.flow_law_tables.tables import RateTable, joined
 from pyburgers.kinds.experiment import Provenance
-from pyburgers.sampling.options import SamplerOptions
 from pyburgers.sbc.rank_uniformity import VERDICTS_TEXT
 
 TABLES = {

@@ -268,7 +268,7 @@ def _tell_coverage(leftover: Leftover, row: Row) -> Told:
 
 
 def _tell_trend(leftover: Leftover, row: Row) -> Told:
-    run, where = _run(leftover)
+    first, run, where = _run(leftover)
     n = leftover.residual.size
     # Neighbours go together most if sizes rise to the middle and fall from there.
     smoothest = signed_ranks(n - np.abs(2.0 * np.arange(n) - n + 0.5))
@@ -281,13 +281,13 @@ def _tell_trend(leftover: Leftover, row: Row) -> Told:
         _passing("No more of a trend than a correct model leaves", found),
         f"The residuals look like a trend: {found}, and {run}: the model misses the shape of the "
         f"curve there, and {NARROW}",
-        remedy(leftover, _run_of(leftover)[0]),
+        remedy(leftover, first),
         where,
     )
 
 
 def _tell_run(leftover: Leftover, row: Row) -> Told:
-    run, where = _run(leftover)
+    first, run, where = _run(leftover)
     longest = np.bincount(leftover.segment).max()
     expected = (
         f"longest runs of {leftover.name} have {row['found']:.1f} residuals, a mean over the draws "
@@ -296,7 +296,7 @@ def _tell_run(leftover: Leftover, row: Row) -> Told:
     return Told(
         _passing("No longer a run than a correct model leaves", expected),
         f"Too long a run: {expected}: the model misses the shape of the curve there, and {NARROW}",
-        remedy(leftover, _run_of(leftover)[0]),
+        remedy(leftover, first),
         where,
     )
 
@@ -366,42 +366,31 @@ def _tell_largest(leftover: Leftover, row: Row) -> Told:
     )
 
 
-def _run_of(leftover: Leftover) -> tuple[int, int]:
-    return longest_run(leftover.residual, np.diff(leftover.segment) == 0)
-
-
-def _run(leftover: Leftover) -> tuple[str, str]:
-    """Return the longest run of one sign in words, and where it lies."""
-    first, last = _run_of(leftover)
+def _run(leftover: Leftover) -> tuple[int, str, str]:
+    """Return the first point of the longest run of one sign, the run in words, where it lies."""
+    first, last = longest_run(leftover.residual, np.diff(leftover.segment) == 0)
     where = leftover.place(first, last)
     side = "above" if leftover.residual[first] > 0 else "below"
-    return (
-        f"{last - first + 1} in a row have one sign, from {where}, the data {side} the model",
-        where,
-    )
+    run = f"{last - first + 1} in a row have one sign, from {where}, the data {side} the model"
+    return first, run, where
 
 
 def _tell_size(leftover: Leftover, row: Row) -> Told:
     ratio, most = row["found"], row["at_most"]
-    if row["discrepancy"] == OVER_SCATTER:
-        found = (
-            f"residuals of {leftover.name} are {ratio:.1f} times the reading error that "
-            "neighbouring residuals tell"
-        )
+    if row["discrepancy"] != SEGMENT_SPREAD:
+        if row["discrepancy"] == OVER_SCATTER:
+            error = "the reading error that neighbouring residuals tell"
+            meaning = "they are misfit unless neighbouring readings share an error"
+            advice = _state_errors(leftover)
+        else:
+            error = "the stated reading error"
+            meaning = "the model misses more than the readings are uncertain by, and calls it noise"
+            advice = remedy(leftover, int(np.abs(leftover.residual).argmax()))
+        found = f"residuals of {leftover.name} are {ratio:.1f} times {error}"
         return Told(
             f"{found}, as it may be (at most {most:.1f}).",
-            f"{found} (at most {most:.1f}): they are misfit unless neighbouring readings share "
-            "an error",
-            _state_errors(leftover),
-            leftover.place(0, -1),
-        )
-    if row["discrepancy"] == OVER_READING_ERROR:
-        found = f"residuals of {leftover.name} are {ratio:.1f} times the stated reading error"
-        return Told(
-            f"{found}, as it may be (at most {most:.1f}).",
-            f"{found} (at most {most:.1f}): the model misses more than the readings are uncertain "
-            "by, and calls it noise",
-            remedy(leftover, int(np.abs(leftover.residual).argmax())),
+            f"{found} (at most {most:.1f}): {meaning}",
+            advice,
             leftover.place(0, -1),
         )
     _, spread = segment_parts(leftover.residual[None], leftover.segment, leftover.position)

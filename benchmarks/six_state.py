@@ -13,8 +13,8 @@ from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
-from chain_files import read_chain
 from gradients import ms_per_gradient
+from measures import read_chain
 from processes import MIB, run_together
 
 from pyburgers import Fit, OscillationExperiment, PriorSet, SamplingError, load_program

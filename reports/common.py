@@ -2,7 +2,7 @@
 
 import json
 import logging
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Protocol
 
@@ -132,11 +132,16 @@ def bad_verdicts(table: pd.DataFrame) -> dict[str, list[bool]]:
 UNSURE_BEST = "highest, not sampled well"
 
 
-def against_best(comparison: Comparison) -> dict[str, tuple[float, float, str]]:
+def against_best(
+    fits: Iterable[str], comparison: Comparison | None
+) -> dict[str, tuple[float, float, str]]:
     """Return by fit the difference of elpd to the best, its standard error, and the outcome.
 
-    The outcome of the best itself is "best", or `UNSURE_BEST` if a check of its draws failed.
+    The outcome of the best itself is "best", or `UNSURE_BEST` if a check of its draws failed. Of
+    one fit, which is compared with none, nothing is known.
     """
+    if comparison is None:
+        return dict.fromkeys(fits, (np.nan, np.nan, ""))
     best = next(iter(comparison.results))
     worse = {
         pair.worse: (

@@ -6,7 +6,6 @@ The tests are those of Chopra and Paterson (1984) that come with the package (`d
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-import numpy as np
 import pandas as pd
 from common import (
     DATA,
@@ -214,8 +213,7 @@ class LawsTried:
         the best ("best" for itself, "" without others).
         """
         _, standard_sd = _exponent(self.standard)
-        alone = dict.fromkeys(self.fits, (np.nan, np.nan, ""))
-        differences = against_best(self.comparison) if self.comparison else alone
+        differences = against_best(self.fits, self.comparison)
         rows = {}
         for name, fit in self.fits.items():
             mean, sd = _exponent(fit)

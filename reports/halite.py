@@ -275,7 +275,7 @@ def _laws_table(
     Columns law, model, both verdicts, left_over (rms), unloading (rms there), largest,
     elpd_difference to the best, its standard_error.
     """
-    elpd = against_best(comparison)
+    elpd = against_best(fits, comparison)
     rows = {
         name: {
             "law": LAWS[name],

@@ -97,8 +97,7 @@ class Contest:
 
     def rows(self) -> list[dict[str, Any]]:
         """Return a row for each law, the best first: see `league_table`."""
-        alone = dict.fromkeys(self.fits, (np.nan, np.nan, ""))
-        differences = against_best(self.comparison) if self.comparison else alone
+        differences = against_best(self.fits, self.comparison)
         return [self._row(law, *differences[law]) for law in self.best_first]
 
     def _row(self, law: str, difference: float, error: float, outcome: str) -> dict[str, Any]:

@@ -1,7 +1,8 @@
 """What the page says about the olivine record: preparation and treatments of its background."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pandas as pd
@@ -44,24 +45,11 @@ def preparation_section(fits: Mapping[str, Fit]) -> PageSection:
     )
 
 
-@dataclass(frozen=True, eq=False)
-class _Compared:
-    """A quantity, its draws (SI) by treatment, and its true value where that is known."""
-
-    label: str
-    si_unit: str
-    unit: str
-    factor: float
-    draws: Mapping[str, FloatArray]
-    truth: float | None
-
-
 def background_section(fits: Mapping[str, Fit]) -> PageSection:
     """Return what the treatment of the background changes in the posterior, and why."""
     prepared = oscillation_of(next(iter(fits.values()))).prepared
     bias = float(np.mean(prepared.stress_fit.trend(prepared.time))) * 1e-6
     amplitude = prepared.stress_fit.amplitude()[0] * 1e-6
-    compared = _compared(fits)
     return PageSection(
         key="background",
         title="What removing the background changes",
@@ -88,8 +76,7 @@ def background_section(fits: Mapping[str, Fit]) -> PageSection:
             PageTable(
                 "comparison",
                 "The same record, treated in two ways",
-                pd.DataFrame([_shown(row) for row in compared]),
-                pd.DataFrame([_saved(row) for row in compared]),
+                *_compared(fits),
                 words=("quantity", "unit"),
             ),
         ),
@@ -97,33 +84,42 @@ def background_section(fits: Mapping[str, Fit]) -> PageSection:
     )
 
 
-def _compared(fits: Mapping[str, Fit]) -> list[_Compared]:
-    """Gather what the table of `background_section` compares."""
+def _compared(fits: Mapping[str, Fit]) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Return the table of `background_section` as text in display units, and as numbers in SI."""
     truths = next(iter(fits.values())).experiment.true_parameters or {}
-    rows = []
+    shown, saved = [], []
+
+    def add(
+        label: str,
+        si_unit: str,
+        unit: str,
+        factor: float,
+        drawn: Callable[[Fitted], FloatArray],
+        truth: float | None,
+    ) -> None:
+        draws = {key: drawn(fit) for key, fit in fits.items()}
+        cells = {f"background {key}": interval(factor * x, ".3g") for key, x in draws.items()}
+        text = "" if truth is None else f"{truth * factor:.3g}"
+        shown.append({"quantity": label, "unit": unit, **cells, "true value": text})
+        numbers = {
+            f"{key}_{name}": value
+            for key, x in draws.items()
+            for name, value in zip(("median", "q5", "q95"), central(x)[[1, 0, 2]], strict=True)
+        }
+        saved.append({"quantity": label, "unit": si_unit, **numbers, "truth": truth})
+
     for name in COMPARED_PARAMETERS:
-        quantity = pyburgers.shown_quantity(name)
-        rows.append(
-            _Compared(
-                quantity.label,
-                quantity.si_unit,
-                pyburgers.unit_text(quantity),
-                quantity.display_factor,
-                {key: parameter_draws(fit, name) for key, fit in fits.items()},
-                truths.get(name),
-            )
-        )
-    rates, grains = (
-        {key: state(fit) for key, fit in fits.items()} for state in (_largest_rate, _last_grains)
-    )
+        one = pyburgers.shown_quantity(name)
+        units = (one.si_unit, pyburgers.unit_text(one), one.display_factor)
+        add(one.label, *units, partial(parameter_draws, name=name), truths.get(name))
     true_rate, true_grain = (
         _true_state(fits["kept"], truths) if "kept" in fits and truths else (None, None)
     )
     rate = pyburgers.shown_quantity("reference_flow_rate")
-    of_rate = (rate.si_unit, pyburgers.unit_text(rate), rate.display_factor)
-    rows.append(_Compared("largest rate of the dashpot", *of_rate, rates, true_rate))
-    rows.append(_Compared("grain size at the end", "m", "µm", 1e6, grains, true_grain))
-    return rows
+    units = (rate.si_unit, pyburgers.unit_text(rate), rate.display_factor)
+    add("largest rate of the dashpot", *units, _largest_rate, true_rate)
+    add("grain size at the end", "m", "µm", 1e6, _last_grains, true_grain)
+    return pd.DataFrame(shown), pd.DataFrame(saved)
 
 
 def _largest_rate(fit: Fitted) -> FloatArray:
@@ -146,22 +142,3 @@ def _true_state(fit: Fitted, truths: Mapping[str, float]) -> tuple[float, float]
         fabric_factor=solution["fabric_factor"],
     )
     return float(np.abs(rates).max()), float(solution["grain_size_m"].iloc[-1])
-
-
-def _shown(row: _Compared) -> dict[str, str]:
-    """Return a row of the comparison as text in display units."""
-    cells = {
-        f"background {key}": interval(row.factor * draws, ".3g") for key, draws in row.draws.items()
-    }
-    truth = "" if row.truth is None else f"{row.truth * row.factor:.3g}"
-    return {"quantity": row.label, "unit": row.unit, **cells, "true value": truth}
-
-
-def _saved(row: _Compared) -> dict[str, object]:
-    """Return a row of the comparison as numbers in SI units."""
-    numbers = {
-        f"{key}_{name}": value
-        for key, draws in row.draws.items()
-        for name, value in zip(("median", "q5", "q95"), central(draws)[[1, 0, 2]], strict=True)
-    }
-    return {"quantity": row.label, "unit": row.si_unit, **numbers, "truth": row.truth}

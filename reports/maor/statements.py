@@ -115,11 +115,7 @@ class Belief:
         return self._of_draws(self.posterior)
 
     def _of_a_distribution(self, holds: bool) -> Verdict:
-        by_prior, by_number, by_data = (
-            (Verdict.PRIOR_GRANTS, Verdict.NUMBER_GRANTS, Verdict.AGREES)
-            if holds
-            else (Verdict.PRIOR_EXCLUDES, Verdict.NUMBER_EXCLUDES, Verdict.DISAGREES)
-        )
+        _, by_prior, by_number, by_data = _FOR if holds else _AGAINST
         if self.prior is holds:
             return by_prior
         if self.number is not None and self.effective_draws < LEAST_EFFECTIVE:
@@ -134,21 +130,16 @@ class Belief:
             return Verdict.CANNOT_FAIL
         if prior == 0 and posterior == 0:
             return Verdict.CANNOT_HOLD
-        if posterior > LIKELY:
-            by_prior = granted(prior, posterior)
-            by_number = granted(number, posterior)
-            outcomes = Verdict.PRIOR_GRANTS, Verdict.NUMBER_GRANTS, Verdict.AGREES
-        elif posterior < UNLIKELY:
-            by_prior = granted(1 - prior, 1 - posterior)
-            by_number = granted(1 - number, 1 - posterior)
-            outcomes = Verdict.PRIOR_EXCLUDES, Verdict.NUMBER_EXCLUDES, Verdict.DISAGREES
-        else:
+        if UNLIKELY <= posterior <= LIKELY:
             return Verdict.CANNOT_TELL
-        if by_prior:
-            return outcomes[0]
+        _, by_prior, by_number, by_data = _FOR if posterior > LIKELY else _AGAINST
+        if posterior < UNLIKELY:
+            prior, number, posterior = 1 - prior, 1 - number, 1 - posterior
+        if granted(prior, posterior):
+            return by_prior
         if self.effective_draws < LEAST_EFFECTIVE:
             return Verdict.CANNOT_TELL
-        return outcomes[1] if by_number else outcomes[2]
+        return by_number if granted(number, posterior) else by_data
 
 
 def granted(before: float, after: float) -> bool:

@@ -12,7 +12,7 @@ folder.
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 from types import MappingProxyType
@@ -81,40 +81,11 @@ KINDS: Mapping[str, DataSets] = MappingProxyType(
 N_DATA_SETS = 40
 """Of each kind."""
 
+WITHOUT_DRAWS: Row = {"coordinates": "", "divergences": 0, "shortened": 0, "draws": 0}
+"""Of a fit that failed."""
+
 LOADS = ((1500.0, 5e6), (1000.0, 5e5), (1500.0, 6e6))
 """Duration (s) and stress (Pa) of the stages of load and unload."""
-
-
-@dataclass(frozen=True)
-class FirstGo:
-    """One fit: a row of the table.
-
-    `sampled_well`: verdict in the end: yes, no or cannot tell.
-    `failed_checks`: names of the sampling checks without a yes.
-    `divergences`: among the draws of the end and among those put aside.
-    `shortened`: how often chains went on with shorter steps.
-    `draws`: of a chain in the end.
-    `core_seconds`, `leapfrogs_per_draw`, `gradients`: of all chains with warm-up. Seconds are those
-        of the processes, so each needs a core of its own; gradients of the warm-up are estimated by
-        its time.
-    `rhat`, `least_ess`, `ess_per_core_second`: the worst bulk or tail number over the sampled
-        quantities.
-    """
-
-    kind: str
-    seed: int
-    sampled_well: str
-    failed_checks: str
-    coordinates: str = ""
-    divergences: int = 0
-    shortened: int = 0
-    draws: int = 0
-    core_seconds: float = np.nan
-    leapfrogs_per_draw: float = np.nan
-    gradients: float = np.nan
-    rhat: float = np.nan
-    least_ess: float = np.nan
-    ess_per_core_second: float = np.nan
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -150,10 +121,10 @@ def fit_one(out: Path, kind: str, seed: int, options: SamplerOptions) -> Row:
             options=replace(options, seed=seed),
             command=f"benchmarks/first_go.py, {kind}, data set {seed}",
         )
-        row = _row(kind, seed, result)
+        row = _row(result)
     except SamplingError as error:
-        row = FirstGo(kind, seed, Outcome.NO.value, str(error))
-    return asdict(row)
+        row = {"sampled_well": Outcome.NO.value, "failed_checks": str(error), **WITHOUT_DRAWS}
+    return {"kind": kind, "seed": seed, **row}
 
 
 def data_set(kind: str, seed: int) -> Problem:
@@ -209,8 +180,14 @@ def _template(kind: str, test: Experiment) -> Experiment:
     return test
 
 
-def _row(kind: str, seed: int, result: Fit) -> FirstGo:
-    """Read verdict and cost of a fit."""
+def _row(result: Fit) -> Row:
+    """Read verdict and cost of a fit.
+
+    Checks that failed are those of the sampling without a yes. Divergences are among the draws of
+    the end and among those put aside, draws those of a chain in the end. Seconds, leapfrogs and
+    gradients are of all chains with warm-up; gradients of the warm-up are estimated by its time.
+    R-hat and ESS are the worst over the sampled quantities.
+    """
     found, manifest = measure(result), result.manifest
     failed = [
         one.name
@@ -220,22 +197,20 @@ def _row(kind: str, seed: int, result: Fit) -> FirstGo:
     aside = shortened(manifest)
     seconds = core_seconds(result)
     least = min(found.ess_bulk, found.ess_tail)
-    return FirstGo(
-        kind,
-        seed,
-        result.sampled_well.value,
-        ", ".join(failed),
-        coordinates=manifest["coordinates"]["system"],
-        divergences=found.divergences + sum(one["divergences"] for one in aside),
-        shortened=len(aside),
-        draws=result.posterior["posterior"].sizes["draw"],
-        core_seconds=seconds,
-        leapfrogs_per_draw=found.leapfrogs / found.draws,
-        gradients=found.leapfrogs * (seconds / found.sampling_seconds),
-        rhat=found.rhat,
-        least_ess=least,
-        ess_per_core_second=least / seconds,
-    )
+    return {
+        "sampled_well": result.sampled_well.value,
+        "failed_checks": ", ".join(failed),
+        "coordinates": manifest["coordinates"]["system"],
+        "divergences": found.divergences + sum(one["divergences"] for one in aside),
+        "shortened": len(aside),
+        "draws": result.posterior["posterior"].sizes["draw"],
+        "core_seconds": seconds,
+        "leapfrogs_per_draw": found.leapfrogs / found.draws,
+        "gradients": found.leapfrogs * (seconds / found.sampling_seconds),
+        "rhat": found.rhat,
+        "least_ess": least,
+        "ess_per_core_second": least / seconds,
+    }
 
 
 def kind_table(rows: pd.DataFrame) -> pd.DataFrame:

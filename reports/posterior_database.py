@@ -35,48 +35,39 @@ def write_posterior(fit: Fit, name: str, out: Path) -> Path:
     posterior = f"{name}-{model}"
     data = {**fit.directory.read_stan_data(), "solver": 0}
     _zip(out / "data" / "data" / f"{name}.json.zip", data)
-    write_json(
-        out / "data" / "info" / f"{name}.info.json",
-        {
+    code = out / "models" / "stan" / f"{model}.stan"
+    code.parent.mkdir(parents=True, exist_ok=True)
+    code.write_text(whole_program(program), encoding="utf-8")
+    files = {
+        f"data/info/{name}.info.json": {
             "name": name,
             "title": fit.experiment.title,
             "description": f"{origin.source}. Laws: {fit.variant.text}.",
             "urls": f"https://doi.org/{origin.doi}",
             "data_file": f"data/data/{name}.json",
             "keywords": ["ODE", fit.experiment.material],
-            **added,
         },
-    )
-    write_json(
-        out / "models" / "info" / f"{model}.info.json",
-        {
+        f"models/info/{model}.info.json": {
             "name": model,
             "title": "Nonlinear Burgers viscoelasticity",
             "description": "A Maxwell element and a Kelvin element in series, with evolving grain "
             "size and fabric. The data choose laws, priors and coordinates.",
             "keywords": ["ODE", "rheology"],
             "model_implementations": {"stan": {"model_code": f"models/stan/{model}.stan"}},
-            **added,
         },
-    )
-    code = out / "models" / "stan" / f"{model}.stan"
-    code.parent.mkdir(parents=True, exist_ok=True)
-    code.write_text(whole_program(program), encoding="utf-8")
-    write_json(
-        out / "posteriors" / f"{posterior}.json",
-        {
+        f"posteriors/{posterior}.json": {
             "name": posterior,
             "model_name": model,
             "data_name": name,
             "reference_posterior_name": posterior,
             "keywords": ["ODE", "rheology"],
             "dimensions": {COORDINATE: len(draws[0])},
-            **added,
         },
-    )
-    reference = out / "reference_posteriors" / "draws"
-    _zip(reference / "draws" / f"{posterior}.json.zip", draws)
-    write_json(reference / "info" / f"{posterior}.info.json", _info(fit, posterior, draws) | added)
+        f"reference_posteriors/draws/info/{posterior}.info.json": _info(fit, posterior, draws),
+    }
+    for file, about in files.items():
+        write_json(out / file, about | added)
+    _zip(out / f"reference_posteriors/draws/draws/{posterior}.json.zip", draws)
     return out
 
 

@@ -38,7 +38,7 @@ def write_posterior(fit: Fit, name: str, out: Path) -> Path:
     code = out / "models" / "stan" / f"{model}.stan"
     code.parent.mkdir(parents=True, exist_ok=True)
     code.write_text(whole_program(program), encoding="utf-8")
-    files = {
+    files: dict[str, dict[str, Any]] = {
         f"data/info/{name}.info.json": {
             "name": name,
             "title": fit.experiment.title,

@@ -27,6 +27,7 @@ import pytest
 from independent_table import TRUTHS
 from matplotlib import pyplot as plt
 from matplotlib.figure import Figure
+from refusals import CommandLine
 from truth_as_mode import at_truth
 
 from pyburgers.cmdstan.compilation import compile_program
@@ -216,6 +217,12 @@ def same_surroundings() -> Iterator[None]:
     yield
     package.setLevel(level)
     assert surroundings() == before
+
+
+@pytest.fixture
+def cli(capsys: pytest.CaptureFixture[str]) -> CommandLine:
+    """The command line, in this process."""
+    return CommandLine(capsys)
 
 
 @pytest.fixture(scope="session")

@@ -6,9 +6,9 @@ from typing import Any
 
 import pytest
 import tomli_w
+from refusals import CommandLine
 from small_inputs import CURVE, DATA
 
-from pyburgers.cli.main import main
 from pyburgers.cli.unread_columns import unread_note
 from pyburgers.common.text_tables import look_at
 
@@ -18,9 +18,8 @@ from pyburgers.common.text_tables import look_at
     [path for path in sorted(DATA.rglob("*.toml")) if path.parent.name != "variants"],
     ids=lambda path: path.stem,
 )
-def test_shipped_files_have_no_errors(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["check-file", str(path)]) == 0
-    out = capsys.readouterr().out
+def test_shipped_files_have_no_errors(path: Path, cli: CommandLine) -> None:
+    out = cli("check-file", path)
     assert "no errors" in out
     assert "error: " not in out
     assert "hint: " not in out
@@ -28,13 +27,12 @@ def test_shipped_files_have_no_errors(path: Path, capsys: pytest.CaptureFixture[
 
 @pytest.mark.parametrize("content", [CURVE.encode(), CURVE.encode("utf-16"), b"PK\x03\x04\xff"])
 def test_a_table_in_the_place_of_an_experiment_file(
-    content: bytes, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    content: bytes, tmp_path: Path, cli: CommandLine
 ) -> None:
     path = tmp_path / "my curve.csv"
     path.write_bytes(content)
-    assert main(["fit", str(path)]) == 2
-    error = capsys.readouterr().err
-    assert f"write an experiment file for them: pyburgers new '{path}'." in error
+    cli("fit", path, code=2)
+    assert f"write an experiment file for them: pyburgers new '{path}'." in cli.error
 
 
 Column = tuple[str, str | None, str]
@@ -189,14 +187,9 @@ NAMED = [
     ("protocol", "columns", "said"), [*((kind, {}, "") for kind in KINDS), *NAMED]
 )
 def test_a_name_that_says_something_else_is_told_and_usual_ones_are_no_matter(
-    protocol: str,
-    columns: Mapping[str, Column],
-    said: str,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
+    protocol: str, columns: Mapping[str, Column], said: str, tmp_path: Path, cli: CommandLine
 ) -> None:
-    assert main(["check-file", str(checked(tmp_path, protocol, columns, ""))]) == 0
-    out = capsys.readouterr().out
+    out = cli("check-file", checked(tmp_path, protocol, columns, ""))
     assert said in out
     assert bool(said) == ("hint: " in out)
 
@@ -210,51 +203,48 @@ def test_a_name_that_says_something_else_is_told_and_usual_ones_are_no_matter(
     ],
 )
 def test_a_stress_that_may_hold_the_confining_pressure_is_told(
-    name: str, pressure: str, is_told: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    name: str, pressure: str, is_told: bool, tmp_path: Path, cli: CommandLine
 ) -> None:
     columns = {"stress": (name, "MPa", "310")}
     path = checked(tmp_path, "constant_rate", columns, f"sigma3 (MPa) = {pressure}")
-    assert main(["check-file", str(path)]) == 0
+    cli("check-file", path)
     said = "is never below column 'sigma3 (MPa)': if it is a total stress along the axis"
-    assert (said in capsys.readouterr().out) == is_told
+    assert (said in cli.out) == is_told
 
 
-def test_a_unit_that_has_to_be_stated_is_not_said_to_be(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_unit_that_has_to_be_stated_is_not_said_to_be(tmp_path: Path, cli: CommandLine) -> None:
     path = checked(tmp_path, "rates", {"temperature": ("T (C)", None, "-10")}, "")
-    assert main(["check-file", str(path)]) == 2
-    assert "no unit is stated for column 'T (C)', whose name says" in capsys.readouterr().out
+    assert "no unit is stated for column 'T (C)', whose name says" in cli(
+        "check-file", path, code=2
+    )
 
 
 @pytest.mark.parametrize(
     ("folder", "name", "told"), [("dunite", "dunite_4506", True), ("ice", "PIL40", False)]
 )
 def test_stated_rates_that_nothing_checks_are_told_of_real_tests(
-    folder: str, name: str, told: bool, capsys: pytest.CaptureFixture[str]
+    folder: str, name: str, told: bool, cli: CommandLine
 ) -> None:
-    assert main(["check-file", str(DATA / folder / f"{name}.toml")]) == 0
-    assert told == ("nothing checks the stated strain rates" in capsys.readouterr().out)
+    assert told == (
+        "nothing checks the stated strain rates"
+        in cli("check-file", DATA / folder / f"{name}.toml")
+    )
 
 
-def test_strains_over_time_check_the_rates(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_strains_over_time_check_the_rates(tmp_path: Path, cli: CommandLine) -> None:
     path = checked(tmp_path, "constant_rate", {"time": ("t (s)", "s", "2000")}, "")
-    assert main(["check-file", str(path)]) == 0
-    assert "note: " not in capsys.readouterr().out
+    assert "note: " not in cli("check-file", path)
 
 
-def test_a_fit_gives_the_same_hints(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_fit_gives_the_same_hints(tmp_path: Path, cli: CommandLine) -> None:
     column = {"strain": ("dL/L0 strain (%)", "percent", "2")}
     path = checked(tmp_path, "constant_rate", column, "")
-    main(["check-file", str(path)])
-    told = capsys.readouterr().out.splitlines()
+    told = cli("check-file", path, code=None).splitlines()
     hints = [one for one in told if one.startswith(("hint: ", "note: "))]
     assert [one[:4] for one in hints] == ["hint", "note"]
     assert hints[1] == "note: No times are read, so that nothing checks the stated strain rates."
-    assert main(["fit", str(path), "--priors", str(tmp_path / "none.toml")]) == 2
-    assert capsys.readouterr().err.splitlines()[:-1] == hints
+    cli("fit", path, "--priors", tmp_path / "none.toml", code=2)
+    assert cli.error.splitlines()[:-1] == hints
 
 
 @pytest.mark.parametrize(
@@ -277,11 +267,10 @@ def test_a_fit_gives_the_same_hints(tmp_path: Path, capsys: pytest.CaptureFixtur
     ],
 )
 def test_columns_that_are_not_read_are_told_and_compared(
-    protocol: str, beside: str, words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    protocol: str, beside: str, words: str, tmp_path: Path, cli: CommandLine
 ) -> None:
     path = checked(tmp_path, protocol, {}, beside)
-    assert main(["check-file", str(path)]) == 0
-    out = capsys.readouterr().out
+    out = cli("check-file", path)
     assert words in out
     assert words or "check both" not in out
 

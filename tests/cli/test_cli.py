@@ -15,6 +15,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from conftest import ICE, Problem
+from refusals import CommandLine
 from small_inputs import CURVE, EXPERIMENT, PRIORS
 
 import pyburgers
@@ -63,7 +64,7 @@ def parameters(tmp_path: Path) -> Parameters:
 
 
 def test_an_unwritable_directory_is_refused(
-    programs: None, write: Write, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    programs: None, write: Write, tmp_path: Path, cli: CommandLine
 ) -> None:
     file = tmp_path / "file"
     file.touch()
@@ -72,27 +73,22 @@ def test_an_unwritable_directory_is_refused(
         locked = tmp_path / "locked"
         locked.mkdir(mode=0o555)
     for folder in (file / "run", locked / "pyburgers-run"):
-        code = main([*write(), "--out", str(folder)])
-        out, error = capsys.readouterr()
-        assert (code, out) == (2, "")
-        assert f"{folder}: cannot be written" in error.splitlines()[-1]
+        assert cli(*write(), "--out", folder, code=2) == ""
+        assert f"{folder}: cannot be written" in cli.error.splitlines()[-1]
 
 
 def test_without_cmdstan_a_fit_could_not_run(
-    write: Write,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    write: Write, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, cli: CommandLine
 ) -> None:
     monkeypatch.setenv("CMDSTAN", str(tmp_path / "nothing"))
-    assert main(write()) == 1
-    assert "nothing" in capsys.readouterr().err
-    assert main(["doctor"]) == 1
+    cli(*write(), code=1)
+    assert "nothing" in cli.error
+    cli("doctor", code=1)
 
 
 @pytest.mark.usefixtures("little_search")
 def test_a_fit_prints_table_and_checks_and_check_repeats_the_verdicts(
-    small_problem: Problem, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    small_problem: Problem, tmp_path: Path, cli: CommandLine
 ) -> None:
     run = tmp_path / "run"
     arguments = [
@@ -101,9 +97,7 @@ def test_a_fit_prints_table_and_checks_and_check_repeats_the_verdicts(
         *("--chains", "2", "--warmup", "150", "--draws", "50", "--seed", "3"),
         *("--adapt-delta", "0.8"),
     ]
-    code = main(arguments)
-    out, error = capsys.readouterr()
-    assert code == 3  # 100 draws are too few
+    out, error = cli(*arguments, code=3), cli.error  # 100 draws are too few
     assert "Maxwell modulus" in out
     assert f"run directory: {run}" in out
     assert re.search(r"^FAILED +effective sample size: .*--more-draws \d+", out, re.MULTILINE)
@@ -117,41 +111,30 @@ def test_a_fit_prints_table_and_checks_and_check_repeats_the_verdicts(
 
     verdicts = re.findall(r"^(?:FAILED|passed) .*$", out, re.MULTILINE)
     assert len(verdicts) == len(CHECKS)
-    assert main(["check", str(run)]) == 3
-    checked = capsys.readouterr().out
+    checked = cli("check", run, code=3)
     assert re.findall(r"^(?:FAILED|passed) .*$", checked, re.MULTILINE) == verdicts
     assert out.endswith(checked)
     assert "Was the posterior sampled well? NO\n" in checked
     assert "Does the model describe the data? " in checked
 
     # Once more: nothing to do, the same answer.
-    assert main(arguments) == 3
-    assert capsys.readouterr() == (out, "2 of 2 chains are there already.\n")
+    cli(*arguments, code=3)
+    assert (cli.out, cli.error) == (out, "2 of 2 chains are there already.\n")
 
 
-def test_all_checks_passed_is_exit_code_0(
-    long_fit: Fit, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(["check", str(long_fit.directory.path)]) == 0
-    assert "FAILED" not in capsys.readouterr().out
+def test_all_checks_passed_is_exit_code_0(long_fit: Fit, cli: CommandLine) -> None:
+    assert "FAILED" not in cli("check", long_fit.directory.path)
 
 
 def test_the_prior_alone_in_the_default_directory(
-    small_problem: Problem,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    small_problem: Problem, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, cli: CommandLine
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    code = main(
-        [
-            *("fit", str(small_problem.experiment_file), "--prior-only"),
-            *("--priors", str(small_problem.priors_file)),
-            *("--chains", "2", "--warmup", "100", "--draws", "100", "--seed", "3"),
-        ]
-    )
-    assert code in (0, 3)
-    assert re.search(r"^passed +solver: ", capsys.readouterr().out, re.MULTILINE)
+    files = (small_problem.experiment_file, "--priors", small_problem.priors_file)
+    chains = ("--chains", "2", "--warmup", "100", "--draws", "100", "--seed", "3")
+    out = cli("fit", *files, "--prior-only", *chains, code=None)
+    assert cli.code in (0, 3)
+    assert re.search(r"^passed +solver: ", out, re.MULTILINE)
     fit = Fit.load(tmp_path / "runs" / "PIL40")
     assert fit.manifest["use_likelihood"] is False
     table = fit.summary("SI")
@@ -160,35 +143,34 @@ def test_the_prior_alone_in_the_default_directory(
 
 
 def test_simulate_writes_the_promised_columns(
-    programs: None, parameters: Parameters, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    programs: None, parameters: Parameters, tmp_path: Path, cli: CommandLine
 ) -> None:
     out = tmp_path / "curve.csv"
     files = ["--parameters", str(parameters()), "--out", str(out)]
-    assert main(["simulate", str(ICE / "PIL40.toml"), *files]) == 0
+    cli("simulate", ICE / "PIL40.toml", *files)
     table = pd.read_csv(out)
     assert list(table) == COLUMNS
     np.testing.assert_allclose(table["time_s"] * 1.69e-4, table["strain"])
     assert table["stress_Pa"].max() == pytest.approx(8.03e6, rel=2e-3)
     assert table["strain"].iloc[-1] == pytest.approx(0.2)
-    assert "warning" not in capsys.readouterr().err
+    assert "warning" not in cli.error
 
 
 def test_the_printed_beta_is_warned_about(
     programs: None,
     parameters: Parameters,
     tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
+    cli: CommandLine,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Solved or not: the solver gives up after a hundredth of its steps here."""
     hasty = partial(simulate, solver=replace(REFERENCE_SOLVER, max_num_steps=10_000))
     monkeypatch.setattr("pyburgers.cli.simulate.simulate", hasty)
-    files = ["--parameters", str(parameters(beta=7.29e-4)), "--out", str(tmp_path / "curve.csv")]
-    code = main(["simulate", str(ICE / "PIL40.toml"), *files])
-    error = capsys.readouterr().err
-    assert code in (0, 1)
-    assert "beta is positive" in error
-    assert "misprint" in error
+    files = ["--parameters", parameters(beta=7.29e-4), "--out", tmp_path / "curve.csv"]
+    cli("simulate", ICE / "PIL40.toml", *files, code=None)
+    assert cli.code in (0, 1)
+    assert "beta is positive" in cli.error
+    assert "misprint" in cli.error
 
 
 def test_the_version_is_told(capsys: pytest.CaptureFixture[str]) -> None:
@@ -244,10 +226,7 @@ def test_the_module_is_the_command_whose_help_answers_at_once(tmp_path: Path) ->
     assert all(command in shown.read_text(encoding="utf-8") for command in COMMANDS)
 
 
-def test_priors_prints_the_file_of_a_material(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
-    assert main(["priors", "ice"]) == 0
+def test_priors_prints_the_file_of_a_material(cli: CommandLine, tmp_path: Path) -> None:
     copy = tmp_path / "ice.toml"
-    copy.write_text(capsys.readouterr().out, encoding="utf-8")
+    copy.write_text(cli("priors", "ice"), encoding="utf-8")
     assert load_priors(copy) == default_priors("ice")

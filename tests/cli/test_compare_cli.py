@@ -8,7 +8,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 from conftest import copy_of
-from refusals import assert_refused
+from refusals import CommandLine
 
 from pyburgers.cli.main import main
 from pyburgers.comparison.conclusions import parameter_shifts
@@ -18,21 +18,19 @@ pytestmark = pytest.mark.usefixtures("in_this_process")
 
 
 def test_a_comparison_is_a_table_points_a_record_and_a_figure(
-    small_fit: Fit, long_fit: Fit, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    small_fit: Fit, long_fit: Fit, tmp_path: Path, cli: CommandLine
 ) -> None:
     # Both run directories are called "run": the folders above tell them apart.
     runs = [str(one.directory.path) for one in (small_fit, long_fit)]
     out = tmp_path / "both"
-    code = main(["compare", *runs, "--out", str(out), "--no-refit"])
+    printed = cli("compare", *runs, "--out", out, "--no-refit", code=3)
     names = {f"{Path(run).parent.name}_run" for run in runs}
-    printed = capsys.readouterr().out
     assert "Cannot tell which of" in printed
     assert str(out) in printed
     assert "How far each parameter moves from" in printed
     assert str(parameter_shifts({"one": small_fit, "other": long_fit}).index[0]) in printed
     table = pd.read_csv(out / "comparison.csv", index_col="fit")
     assert set(table.index) == names
-    assert code == 3
     assert "effective sample size: its elpd may be far off" in printed
     assert len(pd.read_csv(out / "pointwise.csv")) == small_fit.experiment.n_points
     record = json.loads((out / "comparison.json").read_text(encoding="utf-8"))
@@ -62,25 +60,23 @@ def joints(joint: Fit, separate_joint: Fit, tmp_path: Path) -> dict[str, str]:
 
 @pytest.mark.usefixtures("sketched", "little_search")
 def test_joint_runs_are_compared_by_points(
-    joints: dict[str, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    joints: dict[str, str], tmp_path: Path, cli: CommandLine
 ) -> None:
     out = tmp_path / "out"
-    code = main(["compare", *joints.values(), "--out", str(out)])
+    printed = cli("compare", *joints.values(), "--out", out, code=3)  # few draws
     table = pd.read_csv(out / "comparison.csv", index_col="fit")
     assert set(table.index) == set(joints)
-    assert code == 3  # few draws
     assert set(pd.read_csv(out / "pointwise.csv")["test"]) == {"PIL40", "other"}
-    assert re.search(r"(shared|separate) .*these data", capsys.readouterr().out)
+    assert re.search(r"(shared|separate) .*these data", printed)
 
 
 @pytest.mark.usefixtures("sketched", "little_search")
 def test_joint_runs_are_compared_by_tests(
-    joints: dict[str, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    joints: dict[str, str], tmp_path: Path, cli: CommandLine
 ) -> None:
     shutil.rmtree(Path(joints["shared"]) / "leave_out" / "other")
     out = tmp_path / "out"
-    assert main(["compare", *joints.values(), "--leave-out", "tests", "--out", str(out)]) == 3
-    printed = capsys.readouterr().out
+    printed = cli("compare", *joints.values(), "--leave-out", "tests", "--out", out, code=3)
     assert "Cannot tell which of shared and separate predicts left-out tests better" in printed
     assert "because a standard error over 2 tests says nothing and the elpd of" in printed
     # A hundred draws a chain fail the check of their number.
@@ -93,29 +89,25 @@ def test_joint_runs_are_compared_by_tests(
 
 @pytest.mark.usefixtures("sketched", "little_search")
 def test_one_joint_run_will_do_to_leave_tests_out(
-    joints: dict[str, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    joints: dict[str, str], tmp_path: Path, cli: CommandLine
 ) -> None:
     run, out = joints["shared"], ("--out", str(tmp_path / "out"))
-    assert main(["compare", run, "--leave-out", "tests", *out]) == 3  # few draws
-    assert "beside that of another fit" in capsys.readouterr().out
+    assert "beside that of another fit" in cli("compare", run, "--leave-out", "tests", *out, code=3)
     table = pd.read_csv(tmp_path / "out" / "left_out_tests.csv", index_col="test")
     assert table.index.tolist() == ["PIL40", "other"]
 
 
 def test_runs_that_cannot_be_compared_are_refused(
-    joints: dict[str, str],
-    small_fit: Fit,
-    long_fit: Fit,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
+    joints: dict[str, str], small_fit: Fit, long_fit: Fit, tmp_path: Path, cli: CommandLine
 ) -> None:
     run, out = joints["shared"], ("--out", str(tmp_path / "out"))
     single_again = str(long_fit.directory.path)
     single, by_test = str(small_fit.directory.path), ("--leave-out", "tests")
-    assert_refused(main(["compare", run, single, *out]), capsys, "other data", "PIL40+other")
-    assert_refused(main(["compare", run, single, *by_test, *out]), capsys, "is not a joint fit")
+    cli.refused(["compare", run, single, *out], "other data", "PIL40+other")
+    cli.refused(["compare", run, single, *by_test, *out], "is not a joint fit")
     assert not (tmp_path / "out").exists()
     (tmp_path / "file").write_text("", encoding="utf-8")
     for arguments in ([run, *by_test], [single, single_again, "--no-refit"]):
-        code = main(["compare", *arguments, "--out", str(tmp_path / "file")])
-        assert_refused(code, capsys, "--out", "cannot be written")
+        cli.refused(
+            ["compare", *arguments, "--out", tmp_path / "file"], "--out", "cannot be written"
+        )

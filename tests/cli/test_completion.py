@@ -4,9 +4,10 @@ import subprocess
 from pathlib import Path
 
 import pytest
+from refusals import CommandLine
 
 from pyburgers.cli.completion import SHELLS
-from pyburgers.cli.main import COMMANDS, main
+from pyburgers.cli.main import COMMANDS
 from pyburgers.model.laws import DASHPOT_LAWS
 from pyburgers.sampling.options import COORDINATES
 
@@ -27,12 +28,9 @@ OFFERED = {
 }
 
 
-def test_bash_offers_commands_options_choices_and_files(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(["completion", "bash"]) == 0
+def test_bash_offers_commands_options_choices_and_files(tmp_path: Path, cli: CommandLine) -> None:
     script = tmp_path / "script"
-    script.write_text(capsys.readouterr().out, encoding="utf-8")
+    script.write_text(cli("completion", "bash"), encoding="utf-8")
     (tmp_path / "some_file.toml").touch()
     for words, offered in OFFERED.items():
         asked = subprocess.run(
@@ -46,9 +44,6 @@ def test_bash_offers_commands_options_choices_and_files(
 
 
 @pytest.mark.parametrize("shell", SHELLS)
-def test_every_shell_gets_a_script_about_every_command(
-    shell: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(["completion", shell]) == 0
-    script = capsys.readouterr().out
+def test_every_shell_gets_a_script_about_every_command(shell: str, cli: CommandLine) -> None:
+    script = cli("completion", shell)
     assert all(name in script for name in COMMANDS)

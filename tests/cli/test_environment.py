@@ -14,9 +14,8 @@ from pathlib import Path
 import pandas as pd
 import pytest
 from conftest import ICE
-from refusals import assert_refused
+from refusals import CommandLine
 
-from pyburgers.cli.main import main
 from pyburgers.cli.terminal import print_lines, print_table
 from pyburgers.common.atomic_files import write_text
 from pyburgers.common.errors import InputError
@@ -122,7 +121,7 @@ CONTROLS = "\x1b[2J\x07\r\x9b\u202e\x00"
 
 
 def test_control_characters_of_files_and_arguments_are_escaped(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, cli: CommandLine, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """On both streams, whoever prints; lines and colours of the program itself stay."""
     monkeypatch.chdir(tmp_path)
@@ -140,28 +139,22 @@ def test_control_characters_of_files_and_arguments_are_escaped(
     for command in (["fit", str(file)], ["check-file", str(file)], ["doctor"]):
         if command == ["doctor"]:
             monkeypatch.setattr("pyburgers.cli.doctor.run", run)
-        assert main(command) == 2
-        out, error = capsys.readouterr()
-        assert not set(out + error) & (set(CONTROLS) - set("[2J"))
-        assert "\\x1b[2J" in out + error
-    assert all(f"{word} \\x1b[2J\\x07\\r\\x9b\\u202e" in out + error for word in WHERE)
+        said = cli(*command, code=2) + cli.error
+        assert not set(said) & (set(CONTROLS) - set("[2J"))
+        assert "\\x1b[2J" in said
+    for word in ("bare", "line", "cell", "note", "error"):
+        assert f"{word} \\x1b[2J\\x07\\r\\x9b\\u202e" in said
 
 
-WHERE = ("bare", "line", "cell", "note", "error")
-
-
-def test_a_long_cell_does_not_fill_the_terminal(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_long_cell_does_not_fill_the_terminal(tmp_path: Path, cli: CommandLine) -> None:
     shutil.copy(ICE / "PIL40.toml", tmp_path)
     lines = (ICE / "PIL40.csv").read_text(encoding="utf-8").splitlines()
     lines[5] = f"0.01,{'9x' * 50_000}"
     (tmp_path / "PIL40.csv").write_text("\n".join(lines), encoding="utf-8")
-    assert main(["fit", str(tmp_path / "PIL40.toml")]) == 2
-    error = capsys.readouterr().err
-    assert "letters left out" in error
-    assert "expected a number" in error
-    assert len(error) < 5000
+    cli("fit", tmp_path / "PIL40.toml", code=2)
+    assert "letters left out" in cli.error
+    assert "expected a number" in cli.error
+    assert len(cli.error) < 5000
 
 
 @pytest.fixture
@@ -217,17 +210,16 @@ def test_letters_that_an_encoding_lacks_are_escaped(tmp_path: Path) -> None:
 
 
 def test_a_deleted_working_directory_is_told(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, cli: CommandLine
 ) -> None:
     gone = tmp_path / "gone"
     gone.mkdir()
     monkeypatch.chdir(gone)
     gone.rmdir()
     for command in (["check", "nowhere"], ["doctor"]):
-        assert main(command) in (0, 1, 2)
-        error = capsys.readouterr().err
-        if error:
-            assert error.startswith("pyburgers: ")
+        cli(*command, code=None)
+        assert cli.code in (0, 1, 2)
+        assert cli.error.startswith("pyburgers: ") or not cli.error
 
 
 @pytest.mark.parametrize("home", ["file", "/proc/nowhere"])
@@ -285,16 +277,15 @@ NEW = shlex.split("--material ice --temperature-K 263 --grain-size-m 1e-3 --stra
 
 
 def test_a_name_of_a_file_that_is_no_text_is_refused_where_it_would_be_written(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, cli: CommandLine
 ) -> None:
     path = os.fsencode(tmp_path) + b"/curve\xff.csv"
     Path(os.fsdecode(path)).write_text("strain,stress\n0.001,2\n0.02,3\n", encoding="utf-8")
     out = str(tmp_path / "curve.toml")
-    assert main(["new", os.fsdecode(path), *NEW, "--out", out]) == 2
-    error = capsys.readouterr().err
-    assert error.count("\n") == 1
-    assert "found bytes that are no text in its name" in error
-    assert_refused(main(["new", os.fsdecode(path), *NEW, "--id", "\udcff"]), capsys)
+    cli("new", os.fsdecode(path), *NEW, "--out", out, code=2)
+    assert cli.error.count("\n") == 1
+    assert "found bytes that are no text in its name" in cli.error
+    cli.refused(["new", os.fsdecode(path), *NEW, "--id", "\udcff"])
 
 
 LONG = "x" * 5000
@@ -318,27 +309,24 @@ LONG = "x" * 5000
     ids=lambda arguments: " ".join(arguments)[:40].replace("\0", "0"),
 )
 def test_names_and_files_that_cannot_be_are_refused(
-    arguments: list[str],
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    arguments: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, cli: CommandLine
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    assert_refused(main(arguments), capsys)
+    cli.refused(arguments)
     assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize("name", ["/proc/kmsg", "/proc/self/environ", "/proc/self/pagemap", "link"])
 def test_files_of_the_system_are_refused_like_devices(
-    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    name: str, tmp_path: Path, cli: CommandLine
 ) -> None:
     (tmp_path / "link").symlink_to("/proc/self/environ")
     text = (ICE / "PIL40.toml").read_text(encoding="utf-8").replace("PIL40.csv", name)
     (tmp_path / "test.toml").write_text(text, encoding="utf-8")
-    for command in (["fit"], ["check-file"]):
-        assert main([*command, str(tmp_path / "test.toml")]) == 2
-        assert f"{name} is a device or a pipe; expected a file" in "".join(capsys.readouterr())
-    assert_refused(main(["fit", str(tmp_path / name)]), capsys, "is a device or a pipe")
+    for command in ("fit", "check-file"):
+        said = cli(command, tmp_path / "test.toml", code=2) + cli.error
+        assert f"{name} is a device or a pipe; expected a file" in said
+    cli.refused(["fit", tmp_path / name], "is a device or a pipe")
 
 
 SECRETS = [
@@ -360,7 +348,7 @@ SECRETS = [
     ],
 )
 def test_no_line_of_a_file_is_shown_that_a_strange_experiment_file_names(
-    old: str, new: str, secret: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    old: str, new: str, secret: str, tmp_path: Path, cli: CommandLine
 ) -> None:
     (tmp_path / ".netrc").write_text(f"{secret}\n" * 3, encoding="utf-8")
     folder = tmp_path / "downloaded"
@@ -368,8 +356,7 @@ def test_no_line_of_a_file_is_shown_that_a_strange_experiment_file_names(
     text = (ICE / "PIL40.toml").read_text(encoding="utf-8").replace("PIL40.csv", "../.netrc")
     (folder / "test.toml").write_text(text.replace(old, new), encoding="utf-8")
     for command in ("fit", "check-file"):
-        assert main([command, str(folder / "test.toml")]) == 2
-        said = "".join(capsys.readouterr())
+        said = cli(command, folder / "test.toml", code=2) + cli.error
         assert not any(word in said for word in ("root:x", "hunter2", "machine", "login"))
         assert "its content is not shown" in said
 
@@ -386,9 +373,9 @@ def test_a_python_that_optimises_runs_commands_that_check_no_draws() -> None:
     assert "unset PYTHONOPTIMIZE" in refused
 
 
-def test_a_pipe_is_not_waited_for(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_pipe_is_not_waited_for(tmp_path: Path, cli: CommandLine) -> None:
     os.mkfifo(tmp_path / "pipe.toml")
-    assert_refused(main(["fit", str(tmp_path / "pipe.toml")]), capsys, "is a device or a pipe")
+    cli.refused(["fit", tmp_path / "pipe.toml"], "is a device or a pipe")
 
 
 TOO_MUCH = {
@@ -404,11 +391,9 @@ TOO_MUCH = {
 
 
 @pytest.mark.parametrize("text", TOO_MUCH.values(), ids=TOO_MUCH)
-def test_toml_that_asks_too_much_is_refused(
-    text: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_toml_that_asks_too_much_is_refused(text: str, tmp_path: Path, cli: CommandLine) -> None:
     file = tmp_path / "test.toml"
     file.write_text(
         text + '\nid = "x"\nmaterial = "ice"\nprotocol = "constant_rate"\n', encoding="utf-8"
     )
-    assert_refused(main(["fit", str(file)]), capsys, "test.toml")
+    cli.refused(["fit", file], "test.toml")

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from refusals import assert_refused
+from refusals import CommandLine
 
 from pyburgers.cli.main import COMMANDS, main, parser_with
 from pyburgers.cli.parser import HelpWithDefaults, all_arguments
@@ -85,17 +85,17 @@ def test_a_wrong_value_is_refused_by_the_name_of_its_argument(
     action: argparse.Action,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    cli: CommandLine,
 ) -> None:
     monkeypatch.chdir(tmp_path)
     name = [*action.option_strings, action.metavar or action.dest][0]
-    assert_refused(main(command_with(words, action)), capsys, f"argument {name}: ")
+    cli.refused(command_with(words, action), f"argument {name}: ")
     assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize("words", PARSERS, ids=" ".join)
 def test_help_and_what_is_missing_or_unknown(
-    words: tuple[str, ...], capsys: pytest.CaptureFixture[str]
+    words: tuple[str, ...], cli: CommandLine, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with pytest.raises(SystemExit) as stopped:
         main([*words, "--help"])
@@ -106,11 +106,11 @@ def test_help_and_what_is_missing_or_unknown(
     required = [one for one in PARSERS[words]._actions if is_required(one)]
     if required:
         names = [str([*one.option_strings, one.metavar or one.dest][0]) for one in required]
-        assert_refused(main([*words]), capsys, "missing: ", *names)
+        cli.refused(words, "missing: ", *names)
     for name in PARSERS[words]._option_string_actions:
         said = f"unknown option {name}q, did you mean --"
         if name.startswith("--"):
-            assert_refused(main([*command_with(words), f"{name}q"]), capsys, said)
+            cli.refused([*command_with(words), f"{name}q"], said)
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ import pandas as pd
 import pytest
 import xarray as xr
 from conftest import ICE
+from refusals import CommandLine
 
 from pyburgers.cli.main import main
 from pyburgers.fitting.fit import Fit
@@ -25,15 +26,12 @@ from pyburgers.predictions.exports import export
 from pyburgers.predictions.stated_laws import POWER_LAW
 
 
-def printed(fit: Fit, kind: str, capsys: pytest.CaptureFixture[str]) -> str:
-    assert main(["export", str(fit.directory.path), "--format", kind]) == 0
-    return capsys.readouterr().out
+def printed(fit: Fit, kind: str, cli: CommandLine) -> str:
+    return cli("export", fit.directory.path, "--format", kind)
 
 
-def test_json_holds_mean_and_covariance_of_the_draws(
-    small_fit: Fit, capsys: pytest.CaptureFixture[str]
-) -> None:
-    content = json.loads(printed(small_fit, "json", capsys))
+def test_json_holds_mean_and_covariance_of_the_draws(small_fit: Fit, cli: CommandLine) -> None:
+    content = json.loads(printed(small_fit, "json", cli))
     names = content["names"]
     draws = small_fit.posterior["posterior"].to_dataset()
     assert "stress_noise" not in names
@@ -77,8 +75,8 @@ def test_what_is_fixed_has_its_value_and_no_spread(small_fit: Fit) -> None:
     assert (one.sd > 0).any()
 
 
-def test_csv_holds_the_same(small_fit: Fit, capsys: pytest.CaptureFixture[str]) -> None:
-    table = pd.read_csv(io.StringIO(printed(small_fit, "csv", capsys)))
+def test_csv_holds_the_same(small_fit: Fit, cli: CommandLine) -> None:
+    table = pd.read_csv(io.StringIO(printed(small_fit, "csv", cli)))
     one = exported(small_fit)
     assert tuple(table["name"]) == one.names
     np.testing.assert_allclose(table["mean"], one.mean, rtol=1e-15)
@@ -88,17 +86,16 @@ def test_csv_holds_the_same(small_fit: Fit, capsys: pytest.CaptureFixture[str]) 
 
 
 def test_latex_is_a_table_with_a_row_for_each(
-    small_fit: Fit, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    small_fit: Fit, tmp_path: Path, cli: CommandLine
 ) -> None:
-    text = printed(small_fit, "latex", capsys)
+    text = printed(small_fit, "latex", cli)
     one = exported(small_fit)
     body = text.split(r"\midrule")[1].split(r"\bottomrule")[0].strip().splitlines()
     assert len(body) == len(one.names)
     columns = 4 + int(np.count_nonzero(one.sd))
     assert all(row.endswith(r" \\") and row.count("&") == columns - 1 for row in body)
     out = tmp_path / "table.tex"
-    arguments = ["export", str(small_fit.directory.path), "--format", "latex", "--out", str(out)]
-    assert main(arguments) == 0
+    cli("export", small_fit.directory.path, "--format", "latex", "--out", out)
     assert out.read_text(encoding="utf-8") == text
 
 
@@ -124,13 +121,11 @@ def test_exports_say_which_quantities_mean_and_covariance_do_not_describe(
         assert wide_notes([name], np.array([mean]), np.array([[3.9]])) == ()
 
 
-def test_every_format_says_who_decides_a_number(
-    small_fit: Fit, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_every_format_says_who_decides_a_number(small_fit: Fit, cli: CommandLine) -> None:
     decided = small_fit.summary("SI")[["decided_by", "by_prior_of"]]
-    content = json.loads(printed(small_fit, "json", capsys))
-    table = pd.read_csv(io.StringIO(printed(small_fit, "csv", capsys)), index_col=0)
-    text = printed(small_fit, "latex", capsys)
+    content = json.loads(printed(small_fit, "json", cli))
+    table = pd.read_csv(io.StringIO(printed(small_fit, "csv", cli)), index_col=0)
+    text = printed(small_fit, "latex", cli)
     one = exported(small_fit)
     for k, name in enumerate(content["names"]):
         word, priors = content["decided_by"][k], content["by_prior_of"][k]
@@ -155,13 +150,13 @@ def test_every_format_says_who_decides_a_number(
 
 
 def test_every_format_says_which_draws_it_is_of(
-    small_fit: Fit, joint: Fit, capsys: pytest.CaptureFixture[str]
+    small_fit: Fit, joint: Fit, cli: CommandLine
 ) -> None:
     first = small_fit.manifest["chains"]["1"]["sha256"][:12]
     told = f"Draws of the fit: 200; SHA-256 of its first chain: {first}."
     for kind in ("json", "latex"):
-        assert told in printed(small_fit, kind, capsys)
-    (row, *_) = pd.read_csv(io.StringIO(printed(small_fit, "csv", capsys))).to_dict("records")
+        assert told in printed(small_fit, kind, cli)
+    (row, *_) = pd.read_csv(io.StringIO(printed(small_fit, "csv", cli))).to_dict("records")
     assert (row["draws"], row["first_chain_sha256"]) == (200, first)
     part, other = joint["other"].which_draws, joint.which_draws
     assert part == other != small_fit.which_draws

@@ -6,13 +6,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from refusals import CommandLine
 from small_inputs import DATA
 
 from pyburgers.cli.main import main
 from pyburgers.common.text_tables import look_at
 from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment
-from pyburgers.kinds.experiment import CONDITION_KEYS, Experiment
+from pyburgers.kinds.experiment import CONDITION_KEYS, Experiment, of_kind
 from pyburgers.kinds.forced_oscillation.experiment import OscillationExperiment
 from pyburgers.kinds.guessed_columns import guess_columns
 from pyburgers.kinds.kind import load_experiment
@@ -57,8 +58,7 @@ def test_a_proposed_microstructure_is_at_a_strain_of_the_test(
     made(path, *RATE)
     file = path.with_suffix(".toml")
     file.write_text(proposed(file), encoding="utf-8")
-    test = load_experiment(file)
-    assert isinstance(test, ConstantRateExperiment)
+    test = of_kind(load_experiment(file), ConstantRateExperiment)
     assert [one.strain for one in test.microstructure] == [strain]
 
 
@@ -126,18 +126,14 @@ def test_attenuation_has_many_names(name: str, tmp_path: Path) -> None:
     ],
 )
 def test_attenuation_without_a_form_is_a_logarithm_if_all_of_it_is_negative(
-    numbers: str,
-    form: str,
-    said: str,
-    code: int,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
+    numbers: str, form: str, said: str, code: int, tmp_path: Path, cli: CommandLine
 ) -> None:
     path = tmp_path / "table.csv"
     first, last = numbers.split()
     path.write_text(f"period_s,Q^-1\n1,{first}\n10,{last}\n", encoding="utf-8")
-    assert main(["new", str(path), *KNOWN, "--deformation", "axial"]) == code
-    assert f"guessed: attenuation: column 'Q^-1'{said}\n" in capsys.readouterr().out
+    assert f"guessed: attenuation: column 'Q^-1'{said}\n" in cli(
+        "new", path, *KNOWN, "--deformation", "axial", code=code
+    )
     assert f'attenuation_form = "{form}"' in path.with_suffix(".toml").read_text(encoding="utf-8")
 
 
@@ -145,12 +141,11 @@ def test_attenuation_without_a_form_is_a_logarithm_if_all_of_it_is_negative(
     "name", ["Bulk modulus (GPa)", "Unrelaxed modulus (GPa)", "Peak-to-peak stress (MPa)"]
 )
 def test_what_resembles_a_reading_of_attenuation_is_left_out(
-    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    name: str, tmp_path: Path, cli: CommandLine
 ) -> None:
     path = tmp_path / "table.csv"
     path.write_text(f"Period (s),1/Q,{name}\n1,0.1,50\n10,0.2,50\n", encoding="utf-8")
-    made(path, "--deformation", "axial")
-    out = capsys.readouterr().out
+    out = cli("new", path, *KNOWN, "--deformation", "axial")
     assert f"left out: column {name!r}, because its name " in out
     assert "relaxation" not in out
 

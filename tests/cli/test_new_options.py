@@ -11,9 +11,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from history_twins import TRUTH
+from refusals import CommandLine
 from terminal import answer_with
 
 from pyburgers.cli.main import main
+from pyburgers.kinds.experiment import of_kind
 from pyburgers.kinds.kind import load_experiment
 from pyburgers.kinds.likelihood import NAMES
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
@@ -56,7 +58,7 @@ def written(path: Path, table: str) -> Path:
 @pytest.mark.parametrize("table", TABLES)
 @pytest.mark.parametrize("protocol", NAMES)
 def test_every_option_is_in_the_file_or_refused(
-    protocol: str, table: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    protocol: str, table: str, tmp_path: Path, cli: CommandLine
 ) -> None:
     questions = {q.name: q for new_file in new_files().values() for q in new_file.questions}
     assert questions.keys() == VALUES.keys()
@@ -70,12 +72,12 @@ def test_every_option_is_in_the_file_or_refused(
         sets += [RELAXATION, *(RELAXATION | {name} for name in VALUES)]
     for names in sets:
         options = [text for name in names for text in (questions[name].option, VALUES[name])]
-        code = main(["new", str(path), *KNOWN, "--protocol", protocol, *options])
-        assert code == 0 or capsys.readouterr().err or file.exists()
+        cli("new", path, *KNOWN, "--protocol", protocol, *options, code=None)
+        assert cli.code == 0 or cli.error or file.exists()
         assert own & names or not file.exists()
         if file.exists():
             text = file.read_text(encoding="utf-8")
-            assert text.startswith("# This draft cannot be used yet") == (code != 0)
+            assert text.startswith("# This draft cannot be used yet") == (cli.code != 0)
             for name in names:
                 value = VALUES[name]
                 if name == "loading_time":  # the time at which it began is written
@@ -88,7 +90,6 @@ def test_every_option_is_in_the_file_or_refused(
                     continue
                 assert value in text, f"{name} of {names}"
             file.unlink()
-        capsys.readouterr()
 
 
 ANSWERS = " ".join((*KNOWN, "--strain-rate-per-s", "1e-5"))
@@ -113,13 +114,13 @@ COLUMNS = "time_s,strain,stress_MPa,x,time (days)\n1,0.001,2,0,1\n2,0.02,3,0,2\n
     ],
 )
 def test_what_cannot_be_written_is_refused_before_anything_is_asked(
-    text: str, options: str, words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    text: str, options: str, words: str, tmp_path: Path, cli: CommandLine
 ) -> None:
     path = tmp_path / "test.csv"
     path.write_text(text, encoding="utf-8")
     command = ["new", str(path), "--protocol", "constant_rate", *shlex.split(options)]
-    assert main(command) == 2
-    assert words in capsys.readouterr().err
+    cli(*command, code=2)
+    assert words in cli.error
 
 
 def test_a_column_is_named_by_its_number(tmp_path: Path) -> None:
@@ -146,8 +147,7 @@ def test_a_relaxation_is_written_with_its_loading(
     path.write_text(text, encoding="utf-8")
     held = ("--hold-start-time", str(hold), "--loading-time", str(loading))
     assert main(["new", str(path), *KNOWN, *LOADING, *held]) == 0
-    test = load_experiment(file)
-    assert isinstance(test, HistoryExperiment)
+    test = of_kind(load_experiment(file), HistoryExperiment)
     first, second = test.stages
     unit = 60.0 if "min" in text else 1.0
     assert (first.control, first.value, second.control) == ("strain_rate", 1e-5, "hold_strain")
@@ -211,7 +211,7 @@ def test_what_is_asked_next_depends_on_the_answers(
 
 
 def test_what_is_typed_has_to_be_text(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, cli: CommandLine
 ) -> None:
     path = tmp_path / "test.csv"
     path.write_text("strain,stress\n0.001,2\n0.02,3\n", encoding="utf-8")
@@ -222,6 +222,10 @@ def test_what_is_typed_has_to_be_text(
         return given if isinstance(given, str) else given.decode("utf-8")
 
     answer_with(monkeypatch, answer)
-    assert main(["new", str(path), *KNOWN, "--strain-rate-per-s", "1e-5"]) == 0
-    assert capsys.readouterr().out.count("found bytes that are no text, expected text") == 2
+    assert (
+        cli("new", path, *KNOWN, "--strain-rate-per-s", "1e-5").count(
+            "found bytes that are no text, expected text"
+        )
+        == 2
+    )
     assert load_experiment(path.with_suffix(".toml")).id == "mine"

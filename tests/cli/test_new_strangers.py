@@ -6,12 +6,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from refusals import CommandLine
 from terminal import answer_with
 
 from pyburgers.cli.main import main
 from pyburgers.common.text_tables import look_at
 from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment
+from pyburgers.kinds.experiment import of_kind
 from pyburgers.kinds.guessed_columns import guess_columns
 from pyburgers.kinds.kind import load_experiment
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
@@ -29,13 +31,12 @@ Column = Sequence[float] | np.ndarray | float
 Table = Callable[..., Path]
 
 
-def assert_refused(command: Sequence[str], capsys: pytest.CaptureFixture[str], words: str) -> None:
-    """Run a command that has to say in one line why it writes nothing."""
-    assert main(list(command)) == 2
-    error = capsys.readouterr().err
-    assert words in error
-    assert error.count("\n") == 1
-    assert not Path(command[1]).with_suffix(".toml").exists()
+def assert_refused(cli: CommandLine, path: Path, *options: str, told: str) -> None:
+    """Run `new`, which has to say in one line why it writes nothing."""
+    cli("new", path, *KNOWN, *options, code=2)
+    assert told in cli.error
+    assert cli.error.count("\n") == 1
+    assert not path.with_suffix(".toml").exists()
 
 
 @pytest.fixture
@@ -72,20 +73,15 @@ STRESSES = {
 @pytest.mark.parametrize(("wanted", "others"), STRESSES.values(), ids=STRESSES)
 @pytest.mark.parametrize("others_first", [True, False])
 def test_the_stress_is_decided_by_name_and_unit(
-    wanted: str,
-    others: Sequence[str],
-    others_first: bool,
-    table: Table,
-    capsys: pytest.CaptureFixture[str],
+    wanted: str, others: Sequence[str], others_first: bool, table: Table, cli: CommandLine
 ) -> None:
     rivals: dict[str, Column] = {name: 300.0 + k for k, name in enumerate(others)}
     own: dict[str, Column] = {"Strain (%)": PERCENT, wanted: CURVE}
     path = table(**{**rivals, **own} if others_first else {**own, **rivals})
-    assert main(["new", str(path), *KNOWN, *RATE]) == 0
-    test = load_experiment(path.with_suffix(".toml"))
-    assert isinstance(test, ConstantRateExperiment)
+    cli("new", path, *KNOWN, *RATE)
+    test = of_kind(load_experiment(path.with_suffix(".toml")), ConstantRateExperiment)
     np.testing.assert_allclose(test.stress, 1e6 * CURVE, rtol=1e-8)
-    out = capsys.readouterr().out
+    out = cli.out
     assert all(f"left out: column {name!r}, because " in out for name in others)
 
 
@@ -157,12 +153,11 @@ def test_the_same_numbers_in_two_units_are_no_rivals(table: Table) -> None:
     ],
 )
 def test_the_total_stress_along_the_axis_is_no_differential_stress(
-    stress: str, beside: str, table: Table, capsys: pytest.CaptureFixture[str]
+    stress: str, beside: str, table: Table, cli: CommandLine
 ) -> None:
     path = table(**{"strain (%)": PERCENT, stress: CURVE + 300, beside: 300.0})
-    command = ["new", str(path), *KNOWN, *RATE]
-    assert_refused(command, capsys, f"never below column {beside!r}")
-    assert main([*command, "--stress-column", stress]) == 0
+    assert_refused(cli, path, *RATE, told=f"never below column {beside!r}")
+    cli("new", path, *KNOWN, *RATE, "--stress-column", stress)
 
 
 @pytest.mark.parametrize(
@@ -174,17 +169,17 @@ def test_the_total_stress_along_the_axis_is_no_differential_stress(
     ],
 )
 def test_shear_and_torsion_are_refused_with_the_axial_equivalents(
-    stress: str, strain: str, remedy: str, table: Table, capsys: pytest.CaptureFixture[str]
+    stress: str, strain: str, remedy: str, table: Table, cli: CommandLine
 ) -> None:
     path = table(**{"time (s)": TIME, strain: PERCENT / 100, stress: CURVE})
-    assert_refused(["new", str(path), *KNOWN, *RATE], capsys, remedy)
+    assert_refused(cli, path, *RATE, told=remedy)
 
 
 def test_a_sine_of_the_loss_angle_is_refused_with_its_tangent(
-    table: Table, capsys: pytest.CaptureFixture[str]
+    table: Table, cli: CommandLine
 ) -> None:
     path = table(**{"f (Hz)": FREQUENCY, "sin_delta": 0.1})
-    assert_refused(["new", str(path), *KNOWN, *AXIAL], capsys, "write tan(arcsin(...)) of it")
+    assert_refused(cli, path, *AXIAL, told="write tan(arcsin(...)) of it")
 
 
 @pytest.mark.parametrize(
@@ -199,13 +194,10 @@ def test_other_columns_beside_a_stress_are_no_pressure(beside: str, table: Table
     assert main(["new", str(path), *KNOWN, *RATE]) == 0
 
 
-def test_a_temperature_that_leaves_the_stated_one_is_told(
-    table: Table, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_temperature_that_leaves_the_stated_one_is_told(table: Table, cli: CommandLine) -> None:
     heated = np.linspace(-40, -3, TIME.size)
     path = table(**{"strain (%)": PERCENT, "stress (MPa)": CURVE, "T (C)": heated})
-    assert main(["new", str(path), *KNOWN, *RATE]) == 0
-    out = capsys.readouterr().out
+    out = cli("new", path, *KNOWN, *RATE)
     assert "--temperature-K 263 takes its place; it holds 233.15 to 270.15 K" in out
     assert "column 'T (C)' holds mostly 235 to 268.3 K, but the test is at 263 K; check both" in out
 
@@ -315,52 +307,42 @@ def test_kinds_of_tests_are_told_by_what_readings_do(
     stress: Column,
     because: str,
     table: Table,
-    capsys: pytest.CaptureFixture[str],
+    cli: CommandLine,
 ) -> None:
     columns = {"time (s)": time, "strain (%)": strain, "stress (MPa)": stress}
     path = table(**{name: values for name, values in columns.items() if values is not None})
-    main(["new", str(path), *KNOWN])
-    assert because in capsys.readouterr().out
+    assert because in cli("new", path, *KNOWN, code=None)
 
 
 def test_the_slope_of_the_strain_is_the_rate_that_is_proposed(
-    table: Table, capsys: pytest.CaptureFixture[str]
+    table: Table, cli: CommandLine
 ) -> None:
     path = table(**{"time (h)": TIME / 3600, "strain (%)": PERCENT, "stress (MPa)": CURVE})
-    assert main(["new", str(path), *KNOWN]) == 0
-    assert "taken: --strain-rate-per-s 1e-05\n" in capsys.readouterr().out
+    assert "taken: --strain-rate-per-s 1e-05\n" in cli("new", path, *KNOWN)
     file = path.with_suffix(".toml")
-    assert main(["check-file", str(file)]) == 0
-    assert "stated rates" not in capsys.readouterr().out
+    assert "stated rates" not in cli("check-file", file)
     file.write_text(file.read_text("utf-8").replace("per_s = 1e-05", "per_s = 1e-06"), "utf-8")
-    assert main(["check-file", str(file)]) == 0
-    assert "(its slope is 1e-05 1/s) lies up to 0.0261" in capsys.readouterr().out
+    assert "(its slope is 1e-05 1/s) lies up to 0.0261" in cli("check-file", file)
 
 
-def test_times_that_go_back_are_told_and_suggest_no_rate(
-    table: Table, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_times_that_go_back_are_told_and_suggest_no_rate(table: Table, cli: CommandLine) -> None:
     time = np.where(TIME > 2000, TIME - 1500, TIME)
     path = table(**{"time (s)": time, "strain (%)": PERCENT, "stress (MPa)": CURVE})
-    assert_refused(["new", str(path), *KNOWN], capsys, "Missing: --strain-rate-per-s")
-    assert main(["new", str(path), *KNOWN, *RATE]) == 0
-    assert "data row 21: the time 600 s comes after 2000 s" in capsys.readouterr().out
+    assert_refused(cli, path, told="Missing: --strain-rate-per-s")
+    assert "data row 21: the time 600 s comes after 2000 s" in cli("new", path, *KNOWN, *RATE)
 
 
-def test_creep_whose_rows_are_in_no_order_is_no_oscillation(
-    table: Table, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_creep_whose_rows_are_in_no_order_is_no_oscillation(table: Table, cli: CommandLine) -> None:
     rows = np.random.default_rng(1).permutation(TIME.size)
     path = table(**{"time (s)": TIME[rows], "strain (%)": CURVE[rows], "stress (MPa)": 0.8})
-    main(["new", str(path), *KNOWN])
-    first, *others = capsys.readouterr().out.splitlines()
+    first, *others = cli("new", path, *KNOWN, code=None).splitlines()
     assert first.startswith("check: the time goes back in ")
     assert "sort the rows" in first
     assert any("because the stress stays the same while strain grows" in one for one in others)
 
 
 def test_one_of_several_tests_is_read_by_what_tells_them_apart(
-    table: Table, capsys: pytest.CaptureFixture[str]
+    table: Table, cli: CommandLine
 ) -> None:
     path = table(
         specimen=np.repeat([1, 2], TIME.size),
@@ -368,16 +350,13 @@ def test_one_of_several_tests_is_read_by_what_tells_them_apart(
         strain_percent=np.concatenate([PERCENT, 3 * PERCENT]),
         stress_MPa=np.concatenate([CURVE, CURVE + 10]),
     )
-    assert main(["new", str(path), *KNOWN]) == 2
+    cli("new", path, *KNOWN, code=2)
     selection = 'rows = { "specimen" = "1" }'
-    assert (
-        f"tells tests apart, read the first with {selection} in [data]" in capsys.readouterr().out
-    )
+    assert f"tells tests apart, read the first with {selection} in [data]" in cli.out
     file = path.with_suffix(".toml")
     text = file.read_text("utf-8").replace("[data]\n", f"[data]\n{selection}\n")
     file.write_text(text, encoding="utf-8")
-    test = load_experiment(file)
-    assert isinstance(test, ConstantRateExperiment)
+    test = of_kind(load_experiment(file), ConstantRateExperiment)
     np.testing.assert_allclose(test.stress, 1e6 * CURVE)
     assert [one.strain_rate for one in test.segments] == [1e-5]
 
@@ -392,12 +371,12 @@ def test_one_of_several_tests_is_read_by_what_tells_them_apart(
     ],
 )
 def test_a_table_of_rates_is_no_curve(
-    columns: dict[str, Column], is_told: bool, table: Table, capsys: pytest.CaptureFixture[str]
+    columns: dict[str, Column], is_told: bool, table: Table, cli: CommandLine
 ) -> None:
     path = table(**{**columns, "T_C": -10.0, "stress_MPa": CURVE, "edot_per_s": 1e-6})
-    main(["new", str(path), *KNOWN, *RATE])
+    cli("new", path, *KNOWN, *RATE, code=None)
     told = "check: column 'edot_per_s' holds strain rates, and no time is read. If each row is a"
-    assert (told in capsys.readouterr().out) == is_told
+    assert (told in cli.out) == is_told
 
 
 @pytest.mark.parametrize(
@@ -416,31 +395,25 @@ def test_a_table_of_rates_is_no_curve(
     ],
 )
 def test_units_ahead_of_the_names_are_told(
-    comments: str, told: Sequence[str], table: Table, capsys: pytest.CaptureFixture[str]
+    comments: str, told: Sequence[str], table: Table, cli: CommandLine
 ) -> None:
     path = table(time=TIME, stress=CURVE, strain=PERCENT)
     path.write_text(comments + path.read_text("utf-8"), encoding="utf-8")
-    assert main(["new", str(path), *KNOWN]) == 0
-    lines = [line for line in capsys.readouterr().out.splitlines() if "may state another" in line]
+    lines = [line for line in cli("new", path, *KNOWN).splitlines() if "may state another" in line]
     assert len(lines) == len(told)
     assert all(any(words in line for line in lines) for words in told)
 
 
-def test_stages_end_where_the_strain_turns(
-    table: Table, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_stages_end_where_the_strain_turns(table: Table, cli: CommandLine) -> None:
     strain = 2 - np.abs(PERCENT - 2)
     path = table(**{"time (s)": TIME, "strain (%)": strain, "stress (MPa)": 0.5 * strain**0.5})
-    assert main(["new", str(path), *KNOWN, *RATE, "--protocol", "loading_history"]) == 0
-    out = capsys.readouterr().out
+    out = cli("new", path, *KNOWN, *RATE, "--protocol", "loading_history")
     assert "decided: the strain turns back at 2000 s: stages end there" in out
     assert "that was read lies" not in out
-    test = load_experiment(path.with_suffix(".toml"))
-    assert isinstance(test, HistoryExperiment)
+    test = of_kind(load_experiment(path.with_suffix(".toml")), HistoryExperiment)
     assert [(stage.end_time, stage.value) for stage in test.stages] == [(2000, 1e-5), (3000, -1e-5)]
-    assert main(["new", str(path), *KNOWN, "--out", f"{path}2.toml"]) == 0
-    series = load_experiment(Path(f"{path}2.toml"))
-    assert isinstance(series, HistoryExperiment)
+    cli("new", path, *KNOWN, "--out", f"{path}2.toml")
+    series = of_kind(load_experiment(Path(f"{path}2.toml")), HistoryExperiment)
     assert [stage.control for stage in series.stages] == ["strain_rate", "strain_series"]
     assert series.stages[0].value == pytest.approx(1e-5)
 
@@ -449,8 +422,7 @@ def test_a_hold_and_its_loading_are_found_where_they_were_read(table: Table) -> 
     _, strain, stress, _ = KINDS["ramp and hold"]
     path = table(**{"time (s)": RAMP, "strain (%)": strain, "stress (MPa)": stress})
     assert main(["new", str(path), *KNOWN]) == 0
-    test = load_experiment(path.with_suffix(".toml"))
-    assert isinstance(test, HistoryExperiment)
+    test = of_kind(load_experiment(path.with_suffix(".toml")), HistoryExperiment)
     assert [stage.control for stage in test.stages] == ["strain_rate", "hold_strain"]
     assert test.stages[0].end_time == pytest.approx(9)
     assert test.stages[0].value == pytest.approx(1e-4)
@@ -458,16 +430,14 @@ def test_a_hold_and_its_loading_are_found_where_they_were_read(table: Table) -> 
 
 @pytest.mark.parametrize("lasted", ["0", "0.5"])
 def test_a_modulus_of_relaxation_is_a_stress_at_a_strain_that_is_held(
-    lasted: str, table: Table, capsys: pytest.CaptureFixture[str]
+    lasted: str, table: Table, cli: CommandLine
 ) -> None:
     path = table(**{"time (s)": LATE, "Relaxation modulus E(t) (GPa)": 9 * LATE**-0.1})
     loading = ("--held-strain", "2e-4", "--loading-time", lasted)
-    assert main(["new", str(path), *KNOWN, *loading]) == 0
-    assert ("loading in no time is written as a stage of" in capsys.readouterr().out) == (
-        lasted == "0"
-    )
-    test = load_experiment(path.with_suffix(".toml"))
-    assert isinstance(test, HistoryExperiment)
+    assert (
+        "loading in no time is written as a stage of" in cli("new", path, *KNOWN, *loading)
+    ) == (lasted == "0")
+    test = of_kind(load_experiment(path.with_suffix(".toml")), HistoryExperiment)
     np.testing.assert_allclose(test.reading, 9e9 * LATE**-0.1 * 2e-4, rtol=1e-8)
     first = test.stages[0]
     assert first.value * first.end_time == pytest.approx(2e-4)
@@ -503,8 +473,7 @@ def test_spectra_are_turned_into_tan_delta_and_the_absolute_modulus(
 ) -> None:
     path = table(**columns)
     assert main(["new", str(path), *KNOWN, *AXIAL]) == 0
-    test = load_experiment(path.with_suffix(".toml"))
-    assert isinstance(test, AttenuationExperiment)
+    test = of_kind(load_experiment(path.with_suffix(".toml")), AttenuationExperiment)
     np.testing.assert_allclose(test.conditions.period, 1 / FREQUENCY, rtol=1e-7)
     np.testing.assert_allclose(test.readings.tan_delta, 0.1, rtol=1e-7)
     np.testing.assert_allclose(test.readings.modulus, [] if modulus is None else modulus)
@@ -518,8 +487,7 @@ def test_the_error_of_an_angle_is_read_in_the_unit_of_the_angle(
     sd = math.degrees(0.01 / 1.01)
     path = table(**{"f (Hz)": FREQUENCY, "Phase (deg)": angle, name: sd})
     assert main(["new", str(path), *KNOWN, *AXIAL]) == 0
-    test = load_experiment(path.with_suffix(".toml"))
-    assert isinstance(test, AttenuationExperiment)
+    test = of_kind(load_experiment(path.with_suffix(".toml")), AttenuationExperiment)
     np.testing.assert_allclose(test.readings.tan_delta_error, error, rtol=1e-6)
 
 
@@ -533,12 +501,12 @@ def test_the_error_of_an_angle_is_read_in_the_unit_of_the_angle(
     ],
 )
 def test_a_modulus_of_another_deformation_is_told(
-    table: Table, capsys: pytest.CaptureFixture[str], given: str, name: str
+    table: Table, cli: CommandLine, given: str, name: str
 ) -> None:
     columns = {"Frequency (Hz)": FREQUENCY, "tan delta": 0.05, name: 60.0}
-    assert main(["new", str(table(**columns)), *KNOWN, "--deformation", given]) == 0
+    cli("new", table(**columns), *KNOWN, "--deformation", given)
     other = {"axial": "shear", "shear": "axial"}[given]
-    assert f"the name of column {name!r} states {other}: check it" in capsys.readouterr().out
+    assert f"the name of column {name!r} states {other}: check it" in cli.out
 
 
 @pytest.mark.parametrize(
@@ -555,12 +523,9 @@ def test_a_t_beside_periods_is_a_temperature(
     assert guess_columns(look_at(table(**columns)))[quantity].column == "T"
 
 
-def test_the_unit_of_a_modulus_is_not_guessed_from_its_size(
-    table: Table, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_unit_of_a_modulus_is_not_guessed_from_its_size(table: Table, cli: CommandLine) -> None:
     path = table(**{"period (s)": 1 / FREQUENCY, "1/Q": 0.02, "G": 60e3})
-    assert main(["new", str(path), *KNOWN]) == 0
-    out = capsys.readouterr().out
+    out = cli("new", path, *KNOWN)
     assert "guessed: modulus: column 'G' in GPa (by nothing; check it)" in out
     assert "Pa is far from the" in out
     assert 'deformation = "shear"' in path.with_suffix(".toml").read_text(encoding="utf-8")
@@ -572,7 +537,7 @@ def test_the_periods_of_a_spectrum_may_have_any_name(table: Table) -> None:
 
 
 def test_an_answer_that_the_file_cannot_hold_is_asked_for_again_with_the_reason(
-    table: Table, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    table: Table, monkeypatch: pytest.MonkeyPatch, cli: CommandLine
 ) -> None:
     path = table(strain=PERCENT / 100, stress=CURVE)
     replies = {
@@ -592,8 +557,7 @@ def test_an_answer_that_the_file_cannot_hold_is_asked_for_again_with_the_reason(
         return replies[name].pop(0)
 
     answer_with(monkeypatch, answer)
-    assert main(["new", str(path)]) == 0
-    out = capsys.readouterr().out
+    out = cli("new", path)
     for words in (
         "key 'id': found 'a b'",
         "key 'temperature_K': found -10",

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from refusals import CommandLine
 
-from pyburgers.cli.main import main
 from pyburgers.common.text_tables import look_at
 from pyburgers.kinds.guessed_columns import guess_columns
 
@@ -24,24 +24,24 @@ def written(folder: Path, head: str, rows: Sequence[str] | np.ndarray, sign: str
 
 
 def test_points_that_separate_thousands_beside_decimal_commas_are_named(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, cli: CommandLine
 ) -> None:
     rows = ["10;0,1;936", "20;0,2;991", "30;0,3;1.039", "1.040;0,4;1.103.000"]
     path = written(tmp_path, "Zeit [s];Dehnung [%];Spannung [MPa]", rows)
-    assert main(["new", str(path), *AT_263, *RATE]) == 2
-    errors = [one for one in capsys.readouterr().out.splitlines() if one.startswith("error: ")]
+    errors = [
+        one
+        for one in cli("new", path, *AT_263, *RATE, code=2).splitlines()
+        if one.startswith("error: ")
+    ]
     assert len(errors) == 1
     assert "line 4: found '1.039' (and in 1 more lines) beside decimal commas" in errors[0]
     path.write_text(path.read_text("utf-8").replace(".", ""), encoding="utf-8")
-    assert main(["check-file", str(path.with_suffix(".toml"))]) == 0
+    cli("check-file", path.with_suffix(".toml"))
 
 
-def test_commas_between_thousands_are_to_be_removed(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_commas_between_thousands_are_to_be_removed(tmp_path: Path, cli: CommandLine) -> None:
     path = written(tmp_path, "Strain (%);Stress (MPa)", ["0.1;991", "0.2;1,039", "0.3;1,103"])
-    assert main(["new", str(path), *AT_263, *RATE]) == 2
-    assert "remove a comma between thousands" in capsys.readouterr().out
+    assert "remove a comma between thousands" in cli("new", path, *AT_263, *RATE, code=2)
 
 
 STRAIN = np.linspace(0, 0.08, 161)
@@ -52,12 +52,11 @@ CURVE = 300 * (1 - np.exp(-np.maximum(STRAIN - 0.02, 0) / 0.003))
     "stress", [20 + CURVE, CURVE * np.minimum(STRAIN / 0.03, 1) ** 2], ids=["friction", "slack"]
 )
 def test_slack_and_friction_at_one_rate_are_no_steps_of_a_load(
-    stress: np.ndarray, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    stress: np.ndarray, tmp_path: Path, cli: CommandLine
 ) -> None:
     rows = np.column_stack([STRAIN / 1e-5, 100 * STRAIN, stress])
     path = written(tmp_path, "Time (s),Strain (%),Stress (MPa)", rows)
-    assert main(["new", str(path), *AT_263]) == 0
-    assert "protocol constant_rate" in capsys.readouterr().out
+    assert "protocol constant_rate" in cli("new", path, *AT_263)
 
 
 FALLING = np.geomspace(3e-6, 1e-6, 40)
@@ -74,11 +73,10 @@ RISING = 5 * (1 - np.exp(-GROWING))
     ],
 )
 def test_a_column_of_rates_that_leave_the_stated_one_is_told(
-    name: str, column: np.ndarray, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    name: str, column: np.ndarray, tmp_path: Path, cli: CommandLine
 ) -> None:
     path = written(tmp_path, f"Strain (%),Stress (MPa),{name}", np.c_[GROWING, RISING, column])
-    assert main(["new", str(path), *AT_263, *RATE]) == 0
-    out = capsys.readouterr().out
+    out = cli("new", path, *AT_263, *RATE)
     assert f"column {name!r} holds mostly" in out
     assert "check: " not in out
 
@@ -92,22 +90,20 @@ def test_a_column_of_rates_that_leave_the_stated_one_is_told(
     ],
 )
 def test_rates_that_scatter_about_the_stated_one_are_no_matter(
-    name: str, column: np.ndarray, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    name: str, column: np.ndarray, tmp_path: Path, cli: CommandLine
 ) -> None:
     strain = np.linspace(0.1, 5, 400)
     rows = np.c_[strain, 5 * (1 - np.exp(-strain)), column]
     path = written(tmp_path, f"Strain (%),Stress (MPa),{name}", rows)
-    assert main(["new", str(path), *AT_263, *RATE]) == 0
-    assert "check both" not in capsys.readouterr().out
+    assert "check both" not in cli("new", path, *AT_263, *RATE)
 
 
 @pytest.mark.parametrize(("stress", "is_told"), [(np.full(40, 0.8), True), (RISING, False)])
 def test_a_steady_stress_without_times_may_be_creep(
-    stress: np.ndarray, is_told: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    stress: np.ndarray, is_told: bool, tmp_path: Path, cli: CommandLine
 ) -> None:
     path = written(tmp_path, "Strain (%),Stress (MPa)", np.c_[GROWING, stress])
-    assert main(["new", str(path), *AT_263, *RATE]) == 0
-    assert ("If the stress was imposed" in capsys.readouterr().out) == is_told
+    assert ("If the stress was imposed" in cli("new", path, *AT_263, *RATE)) == is_told
 
 
 @pytest.mark.parametrize(
@@ -119,43 +115,41 @@ def test_a_steady_stress_without_times_may_be_creep(
     ],
 )
 def test_the_temperature_of_a_test_is_the_median_of_its_column(
-    celsius: np.ndarray, is_wide: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    celsius: np.ndarray, is_wide: bool, tmp_path: Path, cli: CommandLine
 ) -> None:
     path = written(tmp_path, "Strain (%),Stress (MPa),T (C)", np.c_[GROWING, RISING, celsius])
-    assert main(["new", str(path), *KNOWN, *RATE]) == 0
-    out = capsys.readouterr().out
+    out = cli("new", path, *KNOWN, *RATE)
     assert "taken: --temperature-K 263.15\n" in out
     assert ("as temperature_sd_K" in out) == (np.ptp(celsius) > 2.1)
     assert ("but the test is at 263.15 K; check both" in out) == is_wide
     toml = path.with_suffix(".toml")
     stated = toml.read_text("utf-8").replace("# temperature_sd_K = 2.0", "temperature_sd_K = 2.0")
     toml.write_text(stated, encoding="utf-8")
-    assert main(["check-file", str(toml)]) == 0
-    assert "check both" not in capsys.readouterr().out
+    assert "check both" not in cli("check-file", toml)
 
 
 def test_a_test_that_starts_where_the_strain_goes_on_is_told(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, cli: CommandLine
 ) -> None:
     first = np.c_[np.ones(40), GROWING - 0.1, RISING - RISING[0]]
     second = first + np.array([1, 5, 0])
     path = written(tmp_path, "Test,Strain (%),Stress (MPa)", np.r_[first, second])
-    assert main(["new", str(path), *AT_263, *RATE]) == 0
-    assert 'read the first with rows = { "Test" = "1" } in [data]' in capsys.readouterr().out
+    assert 'read the first with rows = { "Test" = "1" } in [data]' in cli(
+        "new", path, *AT_263, *RATE
+    )
 
 
 @pytest.mark.parametrize(("share", "is_told"), [(0.01, False), (0.1, True)])
 def test_a_loss_modulus_that_contradicts_the_attenuation_is_told(
-    share: float, is_told: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    share: float, is_told: bool, tmp_path: Path, cli: CommandLine
 ) -> None:
     storage = np.array([8500.0, 8700.0, 8900.0])
     rows = np.c_[[0.1, 1.0, 10.0], storage, share * storage, np.full(3, 0.01)]
     path = written(tmp_path, "Frequency (Hz),E' (MPa),E'' (MPa),tan delta", rows)
-    assert main(["new", str(path), *AT_263, "--deformation", "axial"]) == 0
+    cli("new", path, *AT_263, "--deformation", "axial")
     said = "is 10 times the tan(delta) of 'tan delta' in the median"
-    assert (said in capsys.readouterr().out) == is_told
-    main(["check-file", str(path.with_suffix(".toml"))])
-    assert (said in capsys.readouterr().out) == is_told
+    assert (said in cli.out) == is_told
+    assert (said in cli("check-file", path.with_suffix(".toml"), code=None)) == is_told
 
 
 @pytest.mark.parametrize(
@@ -169,15 +163,15 @@ def test_a_loss_modulus_that_contradicts_the_attenuation_is_told(
     ],
 )
 def test_what_keeps_a_column_of_the_right_name_from_being_read_is_named(
-    head: str, row: str, words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    head: str, row: str, words: str, tmp_path: Path, cli: CommandLine
 ) -> None:
     path = written(tmp_path, head, [row] * 3)
-    assert main(["new", str(path), *AT_263]) == 2
-    error = capsys.readouterr().err
+    cli("new", path, *AT_263, code=2)
+    error = cli.error
     assert words in error
     if "line 2" in error:
-        assert main(["new", str(path), *AT_263, "--stress-column", "Stress (MPa)"]) == 2
-        assert capsys.readouterr().err == error
+        cli("new", path, *AT_263, "--stress-column", "Stress (MPa)", code=2)
+        assert cli.error == error
 
 
 @pytest.mark.parametrize(

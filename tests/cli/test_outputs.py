@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 from conftest import ICE, Problem
-from refusals import assert_refused
+from refusals import CommandLine
 from same_contents import contents
 
 from pyburgers.cli.main import main
@@ -59,33 +59,28 @@ EXPORT = ("export", "run")
     ],
 )
 def test_what_is_read_is_not_written_over(
-    command: tuple[str, ...],
-    out: str,
-    named: str,
-    folder: Path,
-    capsys: pytest.CaptureFixture[str],
+    command: tuple[str, ...], out: str, named: str, folder: Path, cli: CommandLine
 ) -> None:
     (folder / "link.csv").symlink_to("test.csv")
     before = contents(folder)
     words = f"--out {Path(out)}: {named} would be written over, which the command reads"
-    assert_refused(main([*command, "--out", out]), capsys, words)
+    cli.refused([*command, "--out", out], words)
     assert contents(folder) == before
 
 
 def test_files_beside_the_named_one_are_not_written_over_either(
-    folder: Path, capsys: pytest.CaptureFixture[str]
+    folder: Path, cli: CommandLine
 ) -> None:
     (folder / "test.csv").rename(folder / "other_readings.csv")
     text = (folder / "test.toml").read_text(encoding="utf-8")
     (folder / "test.toml").write_text(text.replace("test.csv", "other_readings.csv"), "utf-8")
     before = contents(folder)
-    code = main([*PREDICT, "--out", "other.csv"])
-    assert_refused(code, capsys, "other_readings.csv would be written over")
+    cli.refused([*PREDICT, "--out", "other.csv"], "other_readings.csv would be written over")
     assert contents(folder) == before
 
 
 def test_readings_elsewhere_are_found(
-    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    folder: Path, cli: CommandLine, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     elsewhere = folder / "elsewhere"
     elsewhere.mkdir()
@@ -95,8 +90,7 @@ def test_readings_elsewhere_are_found(
     (folder / "test.toml").write_text(text, encoding="utf-8")
     monkeypatch.setenv("PYBURGERS_DATA", str(elsewhere))
     before = contents(folder)
-    code = main([*SIMULATE, "--out", "elsewhere/test.csv"])
-    assert_refused(code, capsys, "which the command reads")
+    cli.refused([*SIMULATE, "--out", "elsewhere/test.csv"], "which the command reads")
     assert contents(folder) == before
 
 
@@ -112,31 +106,23 @@ def test_earlier_outputs_are_written_over(out: str, folder: Path) -> None:
 @pytest.mark.parametrize("command", [SIMULATE, EXPORT])
 @pytest.mark.parametrize("out", [".", "/", "..", "run"])
 def test_a_folder_is_no_file_to_write(
-    command: tuple[str, ...], out: str, folder: Path, capsys: pytest.CaptureFixture[str]
+    command: tuple[str, ...], out: str, folder: Path, cli: CommandLine
 ) -> None:
-    code = main([*command, "--out", out])
-    assert_refused(code, capsys, f"--out {out}: it is a folder, expected a file name.")
+    cli.refused([*command, "--out", out], f"--out {out}: it is a folder, expected a file name.")
 
 
-def test_a_folder_beside_the_named_file_is_told(
-    folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_folder_beside_the_named_file_is_told(folder: Path, cli: CommandLine) -> None:
     (folder / "new.nc").mkdir()
-    code = main([*PREDICT, "--out", "new.csv"])
-    assert_refused(code, capsys, "--out new.csv: new.nc is a folder")
+    cli.refused([*PREDICT, "--out", "new.csv"], "--out new.csv: new.nc is a folder")
 
 
-def test_exports_are_written_over_exports_alone(
-    folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_exports_are_written_over_exports_alone(folder: Path, cli: CommandLine) -> None:
     for chosen in ["json", "csv", "csv", "latex", "latex", "json", "latex", "csv", "json", "json"]:
-        assert main([*EXPORT, "--format", chosen, "--out", "numbers"]) == 0
+        cli(*EXPORT, "--format", chosen, "--out", "numbers")
     assert json.loads((folder / "numbers").read_text(encoding="utf-8"))["test"] == "PIL40"
     (folder / "empty").touch()
-    assert main([*EXPORT, "--out", "empty"]) == 0
-    capsys.readouterr()
+    cli(*EXPORT, "--out", "empty")
     for name in ("test.csv", "parameters.json", "test.toml"):
         before_all = contents(folder)
-        code = main([*EXPORT, "--out", name])
-        assert_refused(code, capsys, f"--out {name}: holds something else than an export")
+        cli.refused([*EXPORT, "--out", name], f"--out {name}: holds something else than an export")
         assert contents(folder) == before_all

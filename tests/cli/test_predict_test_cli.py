@@ -11,10 +11,9 @@ import pandas as pd
 import pytest
 import xarray as xr
 from conftest import Problem
-from refusals import assert_refused
+from refusals import CommandLine
 from same_contents import contents
 
-from pyburgers.cli.main import main
 from pyburgers.fitting.fit import Fit
 from pyburgers.kinds.constant_rate.experiment import RateSegment
 from pyburgers.kinds.kind import save_experiment
@@ -35,16 +34,11 @@ def slower(small_problem: Problem, tmp_path: Path) -> Path:
     return save_experiment(experiment, folder)
 
 
-def predict(run: Path, experiment: Path, out: Path, *options: str) -> int:
-    return main(["predict", str(run), str(experiment), "--out", str(out), *options])
-
-
 def test_a_test_without_data_gets_bands_draws_and_a_figure(
-    small_fit: Fit, slower: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    small_fit: Fit, slower: Path, tmp_path: Path, cli: CommandLine
 ) -> None:
     out = tmp_path / "slower.csv"
-    assert predict(small_fit.directory.path, slower, out, "--draws", "20") == 0
-    printed = capsys.readouterr().out
+    printed = cli("predict", small_fit.directory.path, slower, "--out", out, "--draws", "20")
     assert printed.startswith("slower (ice, 260 K) predicted from PIL40\n")
     assert "Beyond what was fitted: strain rate 1e-05 1/s" in printed
     for suffix in (".csv", ".nc", ".png", ".svg"):
@@ -66,38 +60,35 @@ def test_a_full_disk_leaves_an_older_set_whole(
     slower: Path,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    cli: CommandLine,
 ) -> None:
     folder = tmp_path / "set"
     folder.mkdir()
     chosen = ["--regimes", "1"] if what == "attenuation" else [str(slower), "--draws", "20"]
     command = ["predict", what, str(small_fit.directory.path), *chosen]
     command += ["--out", str(folder / "new.csv")]
-    assert main(command) == 0
+    cli(*command)
     before = contents(folder)
-    capsys.readouterr()
 
     def refuse(file: Path, _: bytes) -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(file))
 
     monkeypatch.setattr("pyburgers.common.netcdf_files.write_bytes", refuse)
     other = ["--temperature-K", "250"] if what == "attenuation" else ["--seed", "2"]
-    assert_refused(main([*command, *other]), capsys, "cannot be written (No space left on device)")
+    cli.refused([*command, *other], "cannot be written (No space left on device)")
     assert contents(folder) == before
 
 
 def test_a_test_with_data_is_scored(
-    joint: Fit, small_problem: Problem, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    joint: Fit, small_problem: Problem, tmp_path: Path, cli: CommandLine
 ) -> None:
-    out = tmp_path / "again.csv"
-    run, file = joint.directory.path, small_problem.experiment_file
-    assert predict(run, file, out, "--separate-from", "other", "--draws", "50") == 0
-    printed = capsys.readouterr().out
+    words = ("predict", joint.directory.path, small_problem.experiment_file)
+    words += ("--out", tmp_path / "again.csv")
+    printed = cli(*words, "--separate-from", "other", "--draws", "50")
     assert "PIL40 is part of the fit" in printed
     assert re.search(r"Of \d+ points lie \d+ % in the 50 % band", printed)
     scores = pd.read_csv(tmp_path / "again_scores.csv", index_col="score")
     assert len(scores) == 3
     readings = pd.read_csv(tmp_path / "again_readings.csv")
     assert len(readings) == small_problem.experiment.n_points
-    assert predict(run, file, out, "--test", "other", "--draws", "5") == 0
-    assert "predicted from other" in capsys.readouterr().out
+    assert "predicted from other" in cli(*words, "--test", "other", "--draws", "5")

@@ -13,9 +13,8 @@ import psutil
 import pytest
 import xarray as xr
 from conftest import SMALL_RUN, Problem
-from refusals import assert_refused
+from refusals import CommandLine
 
-from pyburgers.cli.main import main
 from pyburgers.fitting.fit import Fit
 
 SEEDS = (SMALL_RUN.seed, 12)
@@ -129,12 +128,12 @@ def test_a_killed_worker_costs_its_task_and_results_are_those_of_this_machine(
 
 
 def test_where_no_scheduler_answers_one_sentence_says_so(
-    plan: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    plan: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, cli: CommandLine
 ) -> None:
     monkeypatch.setattr("pyburgers.cli.workers.ANSWER_SECONDS", 1)
     command = ["campaign", str(plan), "--out", str(tmp_path / "out"), "--scheduler"]
-    assert_refused(main([*command, "tcp://127.0.0.1:9"]), capsys, "no scheduler of Dask answers")
-    assert_refused(main([*command, "x", "--jobs", "2"]), capsys, "--jobs: does not go with")
+    cli.refused([*command, "tcp://127.0.0.1:9"], "no scheduler of Dask answers")
+    cli.refused([*command, "x", "--jobs", "2"], "--jobs: does not go with")
 
 
 WAITING = """

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from conftest import ICE, SMALL_RUN, Problem
+from refusals import CommandLine
 
 import pyburgers
 from pyburgers.cli.main import main
@@ -135,7 +136,7 @@ def values(fit: Fit) -> np.ndarray:
 
 
 def test_one_run_never_speaks_for_another(
-    small_fit: Fit, other_fit: Fit, home: Path, capsys: pytest.CaptureFixture[str]
+    small_fit: Fit, other_fit: Fit, home: Path, cli: CommandLine
 ) -> None:
     """A run in a folder named ``~``, and one of another test in the home folder."""
     shutil.copytree(small_fit.directory.path, Path("~/run"))
@@ -147,10 +148,9 @@ def test_one_run_never_speaks_for_another(
     assert here.experiment.id == small_fit.experiment.id
     written = {}
     for name in ("~/run", "./~/run"):
-        assert main(["export", name, "--out", "~/export.json"]) == 0
+        cli("export", name, "--out", "~/export.json")
         written[name] = json.loads((home / "export.json").read_text(encoding="utf-8"))["test"]
     assert written == {"~/run": other_fit.experiment.id, "./~/run": small_fit.experiment.id}
-    capsys.readouterr()
 
 
 def test_a_run_stays_where_it_is_when_the_process_goes_elsewhere(

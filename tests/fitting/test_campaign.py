@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 import xarray as xr
 from conftest import SMALL_RUN, Problem, copy_of
-from refusals import assert_refused
+from refusals import CommandLine
 from same_contents import contents
 
 from pyburgers.cli.main import main
@@ -75,14 +75,13 @@ def test_parts_do_their_fits_and_the_whole_gathers_them_on_a_page(
     small_fit: Fit,
     tmp_path: Path,
     sketched: None,
-    capsys: pytest.CaptureFixture[str],
+    cli: CommandLine,
 ) -> None:
     plan, out = make_plan(), tmp_path / "out"
-    assert main(["campaign", str(plan), "--out", str(out), "--status"]) == 0
-    assert capsys.readouterr().out.count("not begun") == 2
+    assert cli("campaign", plan, "--out", out, "--status").count("not begun") == 2
     assert not out.exists()
     for part, done in (("2/2", {NAMES[1]}), ("1/2", set(NAMES))):
-        main(["campaign", str(plan), "--out", str(out), "--part", part])
+        cli("campaign", plan, "--out", out, "--part", part, code=None)
         assert {folder.name for folder in (out / "runs").iterdir()} == done
         assert not (out / "report").exists()
     before = {file: file.read_bytes() for file in (out / "runs").glob("*/chains/*/*")}
@@ -104,25 +103,20 @@ def test_parts_do_their_fits_and_the_whole_gathers_them_on_a_page(
 
 
 def test_a_fit_that_cannot_be_done_leaves_the_others_alone(
-    programs: None, make_plan: MakePlan, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    programs: None, make_plan: MakePlan, tmp_path: Path, cli: CommandLine
 ) -> None:
     plan, out = make_plan(), tmp_path / "out"
     stranger = out / "runs" / NAMES[0]
     stranger.mkdir(parents=True)
     (stranger / "notes.txt").write_text("mine", encoding="utf-8")
-    assert main(["campaign", str(plan), "--out", str(out), "--part", "1/1"]) == 1
-    said = capsys.readouterr().out
+    said = cli("campaign", plan, "--out", out, "--part", "1/1", code=1)
     assert f"{NAMES[0]}: could not be done: {stranger}: has files (notes.txt)" in said
     manifest = json.loads((out / "runs" / NAMES[1] / "manifest.json").read_text(encoding="utf-8"))
     assert manifest["status"] == "complete"
 
 
 def test_a_damaged_run_does_not_hide_the_others(
-    make_plan: MakePlan,
-    small_fit: Fit,
-    tmp_path: Path,
-    sketched: None,
-    capsys: pytest.CaptureFixture[str],
+    make_plan: MakePlan, small_fit: Fit, tmp_path: Path, sketched: None, cli: CommandLine
 ) -> None:
     """The first run is whole, and of each other one a file is damaged."""
     tests = [f"test{k}" for k in range(1 + len(DAMAGED))]
@@ -139,14 +133,12 @@ def test_a_damaged_run_does_not_hide_the_others(
         (folder / name).write_text("damaged", encoding="utf-8")
     before = [contents(folder) for folder in folders]
     campaign = ["campaign", str(plan), "--out", str(tmp_path / "out")]
-    assert main([*campaign, "--status"]) == 0
-    lines = capsys.readouterr().out.splitlines()
+    lines = cli(*campaign, "--status").splitlines()
     said = {whole.directory.path.name: "complete"}
     said |= {folder.name: status for folder, status in zip(folders, DAMAGED.values(), strict=True)}
     for run, word in said.items():
         assert word in next(line for line in lines if line.startswith(run))
-    assert main(campaign) == 1
-    out = capsys.readouterr().out
+    out = cli(*campaign, code=1)
     assert all(f"{folder.name}: could not be done: " in out for folder in folders)
     page = (tmp_path / "out" / "report" / "index.html").read_text(encoding="utf-8")
     assert f"1 of {len(tests)} fits are complete." in page
@@ -172,7 +164,7 @@ def test_a_run_of_other_inputs_is_no_fit_of_the_plan(
     make_plan: MakePlan,
     small_fit: Fit,
     tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
+    cli: CommandLine,
 ) -> None:
     """What decides the draws is changed after the run, or what does not."""
     plan, out = make_plan((f"seeds = [{SMALL_RUN.seed}, 12]", "seeds = [11]")), tmp_path / "out"
@@ -183,15 +175,13 @@ def test_a_run_of_other_inputs_is_no_fit_of_the_plan(
     assert old in text
     (tmp_path / file).write_text(text.replace(old, new), encoding="utf-8")
     campaign = ["campaign", str(plan), "--out", str(out)]
-    assert main([*campaign, "--status"]) == 0
-    said = capsys.readouterr().out
+    said = cli(*campaign, "--status")
     assert ("complete" in said, "of other inputs" in said) == (is_same, not is_same)
     if is_same:
         return
     (out / "report").mkdir()
     (out / "report" / "index.html").write_text("earlier", encoding="utf-8")
-    assert main(campaign) == 1
-    said = " ".join(capsys.readouterr().out.split())
+    said = " ".join(cli(*campaign, code=1).split())
     assert f"{folder}: holds a run of other inputs: " in said
     assert "; remove the folder, or choose another --out." in said
     (row,) = pd.read_csv(out / "status.csv").to_dict("records")
@@ -249,15 +239,10 @@ def test_doubts_about_priors_are_told_once(
     ],
 )
 def test_wrong_plans_are_told_in_a_sentence(
-    old: str,
-    new: str,
-    word: str,
-    make_plan: MakePlan,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
+    old: str, new: str, word: str, make_plan: MakePlan, tmp_path: Path, cli: CommandLine
 ) -> None:
     out = tmp_path / "out"
-    assert_refused(main(["campaign", str(make_plan((old, new))), "--out", str(out)]), capsys, word)
+    cli.refused(["campaign", make_plan((old, new)), "--out", out], word)
     assert not out.exists()
 
 

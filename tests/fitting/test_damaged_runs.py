@@ -14,7 +14,7 @@ from typing import IO, Any, Self
 import numpy as np
 import pytest
 from conftest import SMALL_RUN, Problem, copy_of
-from refusals import assert_refused
+from refusals import CommandLine
 from same_contents import assert_equal, contents
 
 from pyburgers.cli.main import main
@@ -166,11 +166,7 @@ def copy(small_fit: Fit, tmp_path: Path) -> Path:
 
 @pytest.mark.parametrize(("damages", "words"), DAMAGES.values(), ids=DAMAGES)
 def test_a_damaged_run_is_refused_in_one_sentence_by_all_that_reads_it(
-    damages: dict[str, Damage],
-    words: str,
-    copy: Path,
-    small_problem: Problem,
-    capsys: pytest.CaptureFixture[str],
+    damages: dict[str, Damage], words: str, copy: Path, small_problem: Problem, cli: CommandLine
 ) -> None:
     for name, damage in damages.items():
         damage(copy / name)
@@ -180,9 +176,8 @@ def test_a_damaged_run_is_refused_in_one_sentence_by_all_that_reads_it(
     assert words in str(refused.value)
     page, table = (("--out", str(copy.parent / name)) for name in ("page", "table.csv"))
     commands = [["check"], ["report", *page], ["predict", "attenuation", *table]]
-    capsys.readouterr()
     for command in commands if cut in damages.values() else commands[:1]:
-        assert_refused(main([*command, str(copy)]), capsys, words)
+        cli.refused([*command, copy], words)
     assert contents(copy.parent) == before
     if longer in damages.values():
         with pytest.raises(InputError, match=re.escape(words)):
@@ -191,16 +186,14 @@ def test_a_damaged_run_is_refused_in_one_sentence_by_all_that_reads_it(
 
 
 def test_a_report_shows_the_other_runs_and_names_the_damaged_one(
-    copy: Path, other_fit: Fit, sketched: None, capsys: pytest.CaptureFixture[str]
+    copy: Path, other_fit: Fit, sketched: None, cli: CommandLine
 ) -> None:
     cut(copy / DRAWS)
     page = copy.parent / "page"
-    runs = [str(copy), str(other_fit.directory.path)]
-    assert main(["report", *runs, "--out", str(page)]) == 2
-    out, log = capsys.readouterr()
-    assert "The page is" in out
-    assert f"run: {DRAWS} has changed" in log
-    assert "The page is about the other runs." in log
+    runs = (copy, other_fit.directory.path)
+    assert "The page is" in cli("report", *runs, "--out", page, code=2)
+    assert f"run: {DRAWS} has changed" in cli.error
+    assert "The page is about the other runs." in cli.error
     shown = json.loads((page / "manifest.json").read_text(encoding="utf-8"))["runs"]
     assert [one["id"] for one in shown] == [other_fit.directory.path.name]
 
@@ -229,41 +222,35 @@ def test_a_folder_that_cannot_be_read_is_not_an_empty_one(
 
 @pytest.mark.parametrize("damage", [text(""), cut, text("old numbers"), Path.unlink])
 def test_a_check_writes_tables_again_that_are_not_those_of_the_draws(
-    damage: Damage, copy: Path, capsys: pytest.CaptureFixture[str]
+    damage: Damage, copy: Path, cli: CommandLine
 ) -> None:
     before = contents(copy)
-    code = main(["check", str(copy)])
+    out, code = cli("check", copy, code=None), cli.code
     assert contents(copy) == before
-    out, log = capsys.readouterr()
-    assert log == ""
+    assert cli.error == ""
     both = ["summary.csv", "checks.json"]
     for names in ([name] for name in both) if damage is cut else [both]:
         for name in names:
             damage(copy / name)
-        assert main(["check", str(copy)]) == code
+        assert cli("check", copy, code=code) == out
         assert contents(copy) == before
-        again, log = capsys.readouterr()
-        assert again == out
         why = "is missing;" if damage is Path.unlink else "differs from what the installed"
-        for name, note in zip(names, log.splitlines(), strict=True):
+        for name, note in zip(names, cli.error.splitlines(), strict=True):
             assert f"run: {name} {why}" in note
 
 
 def test_a_run_that_can_only_be_read_is_checked(
-    copy: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    copy: Path, monkeypatch: pytest.MonkeyPatch, cli: CommandLine
 ) -> None:
-    code = main(["check", str(copy)])
-    out, _ = capsys.readouterr()
+    out, code = cli("check", copy, code=None), cli.code
 
     def refuse(file: Path, _: str) -> None:
         raise OSError(errno.EROFS, os.strerror(errno.EROFS), str(file))
 
     monkeypatch.setattr("pyburgers.fitting.sampled_fit.write_text", refuse)
     (copy / "summary.csv").write_text("of other versions", encoding="utf-8")
-    assert main(["check", str(copy)]) == code
-    again, log = capsys.readouterr()
-    assert again == out
-    assert "summary.csv: Read-only file system; the file stays as it is" in log
+    assert cli("check", copy, code=code) == out
+    assert "summary.csv: Read-only file system; the file stays as it is" in cli.error
 
 
 def test_a_check_leaves_tables_to_a_run_that_has_not_written_them(copy: Path) -> None:
@@ -316,7 +303,7 @@ def edits(value: object) -> Iterator[object]:
 
 @pytest.mark.parametrize("name", FitManifest.model_fields)
 def test_every_edit_of_a_manifest_is_noticed_and_nothing_is_written(
-    name: str, copy: Path, capsys: pytest.CaptureFixture[str]
+    name: str, copy: Path, cli: CommandLine
 ) -> None:
     run = RunDirectory(copy)
     manifest = run.read_manifest()
@@ -330,7 +317,7 @@ def test_every_edit_of_a_manifest_is_noticed_and_nothing_is_written(
         with pytest.raises(InputError, match="as its seal says"):
             run.update_manifest({"status": "complete"})
     before = contents(copy)
-    assert_refused(main(["check", str(copy)]), capsys, "as its seal says; put back")
+    cli.refused(["check", copy], "as its seal says; put back")
     assert contents(copy) == before
 
 
@@ -338,13 +325,13 @@ def test_every_edit_of_a_manifest_is_noticed_and_nothing_is_written(
     ("missing", "said"), [(SEAL, "as its missing seal says"), (FORMAT, "as its seal says")]
 )
 def test_a_manifest_that_lost_its_seal_is_refused(
-    missing: str, said: str, copy: Path, capsys: pytest.CaptureFixture[str]
+    missing: str, said: str, copy: Path, cli: CommandLine
 ) -> None:
     run = RunDirectory(copy)
     manifest = run.read_manifest()
     write_json(run.manifest_file, {name: manifest[name] for name in manifest.keys() - {missing}})
     before = contents(copy)
-    assert_refused(main(["check", str(copy)]), capsys, said)
+    cli.refused(["check", copy], said)
     assert contents(copy) == before
 
 
@@ -438,7 +425,7 @@ LAST_WRITTEN = (
 
 @pytest.mark.parametrize("name", LAST_WRITTEN)
 def test_a_file_that_was_cut_anywhere_is_refused_or_written_again(
-    name: str, copy: Path, small_fit: Fit, capsys: pytest.CaptureFixture[str]
+    name: str, copy: Path, small_fit: Fit, cli: CommandLine
 ) -> None:
     """As a machine that stops leaves it, which had not written all of its files to the disk."""
     rng = np.random.default_rng(LAST_WRITTEN.index(name))
@@ -447,13 +434,12 @@ def test_a_file_that_was_cut_anywhere_is_refused_or_written_again(
     for size in (0, len(content) - 2, *rng.integers(1, len(content) - 2, 2)):
         (copy / name).write_bytes(content[:size])
         cut_short = contents(copy)
-        code = main(["check", str(copy)])
-        if code == 2:
+        said = cli("check", copy, code=None) + cli.error
+        if cli.code == 2:
             assert contents(copy) == cut_short
         else:
             assert name in ("summary.csv", "checks.json")
             assert contents(copy) == whole
-        said = "".join(capsys.readouterr())
         assert name in said
         (copy / name).write_bytes(content)
     draws = Fit.load(copy).posterior["posterior"].to_dataset()

@@ -15,7 +15,7 @@ from pyburgers.common.errors import InputError
 from pyburgers.kinds.conditions import doubts, unlikely_grain_size
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, RateSegment
 from pyburgers.kinds.constant_rate.files import load_constant_rate
-from pyburgers.kinds.experiment import Stated
+from pyburgers.kinds.experiment import Stated, of_kind
 from pyburgers.kinds.forced_oscillation.experiment import OscillationExperiment
 from pyburgers.kinds.kind import load_experiment
 
@@ -120,8 +120,9 @@ def test_creep_that_was_zeroed_behind_the_elastic_strain_is_doubted() -> None:
 
 @pytest.mark.parametrize(("factor", "told"), [(1.0, False), (0.01, True), (100.0, True)])
 def test_an_oscillation_in_a_wrong_unit_is_doubted(factor: float, told: bool) -> None:
-    record = load_experiment(ICE.parent / "olivine" / "olivine_twin.toml")
-    assert isinstance(record, OscillationExperiment)
+    record = of_kind(
+        load_experiment(ICE.parent / "olivine" / "olivine_twin.toml"), OscillationExperiment
+    )
     prepared = record.prepared
     fit = prepared.stress_fit
     scaled = replace(fit, coefficients=factor * fit.coefficients)

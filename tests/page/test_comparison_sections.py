@@ -8,9 +8,9 @@ import numpy as np
 import pandas as pd
 import pytest
 from page import Page
+from refusals import CommandLine
 from synthetic_fit import make_fit, with_problem
 
-from pyburgers.cli.main import main
 from pyburgers.common.draws import all_draws
 from pyburgers.comparison.by_points import compare
 from pyburgers.comparison.conclusions import comparison_table, sentences
@@ -220,15 +220,10 @@ def test_all_parts_are_on_the_page_and_in_files(
 
 
 def test_the_report_of_two_runs_of_one_experiment_compares_them(
-    small_fit: Fit,
-    long_fit: Fit,
-    sketched: None,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
+    small_fit: Fit, long_fit: Fit, sketched: None, tmp_path: Path, cli: CommandLine
 ) -> None:
     runs = [str(one.directory.path) for one in (small_fit, long_fit)]
-    assert main(["report", *runs, "--out", str(tmp_path / "page")]) == 0
-    assert str(tmp_path / "page" / "index.html") in capsys.readouterr().out
+    assert str(tmp_path / "page" / "index.html") in cli("report", *runs, "--out", tmp_path / "page")
     page = Page((tmp_path / "page" / "index.html").read_text(encoding="utf-8"))
     names = ("small fit run", "long fit run")  # the folders are called run
     assert "comparison_small_fit_run" in page.ids

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 import xarray as xr
 from conftest import ICE, copy_of
+from refusals import CommandLine
 from scipy import stats
 
 import pyburgers
 from pyburgers.checks.fit_checks import CheckKind
-from pyburgers.cli.main import main
 from pyburgers.common.array_types import FloatArray
 from pyburgers.common.errors import InputError
 from pyburgers.fitting.fit import Fit
@@ -178,7 +178,7 @@ def test_a_single_reading_is_the_last() -> None:
     assert places_read(5, 2).tolist() == [0, 4]
 
 
-def test_command(small_fit: Fit, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_command(small_fit: Fit, tmp_path: Path, cli: CommandLine) -> None:
     plan = tmp_path / "plan.toml"
     again = PLAN.parent / "again.toml"
     plan.write_text(
@@ -187,11 +187,10 @@ def test_command(small_fit: Fit, tmp_path: Path, capsys: pytest.CaptureFixture[s
     out = tmp_path / "design.csv"
     run = str(small_fit.directory.path)
     arguments = ["design", run, "--candidates", str(plan), "--draws", "200", "--out", str(out)]
-    assert main(arguments) == 0
-    assert "over its width now" in capsys.readouterr().out
+    assert "over its width now" in cli(*arguments)
     assert out.is_file()
     assert (tmp_path / "design_together.csv").is_file()
-    assert main([*arguments[:-1], str(tmp_path / "design.txt")]) == 2
+    cli(*arguments[:-1], tmp_path / "design.txt", code=2)
 
 
 CREEP = """

@@ -16,11 +16,10 @@ from conftest import ICE
 from flow_codes import READERS
 from linear_bodies import LAWS
 from oracle import GAS_CONSTANT, dashpot_rate
-from refusals import assert_refused
+from refusals import CommandLine
 from synthetic_fit import make_fit
 
 import pyburgers
-from pyburgers.cli.main import main
 from pyburgers.common.array_types import FloatArray, IntArray
 from pyburgers.common.draws import all_draws
 from pyburgers.common.errors import InputError
@@ -496,25 +495,24 @@ def test_laws_of_mechanisms_are_exported_as_expressions(creep: RateFit, tmp_path
 
 
 def test_the_command_writes_the_mean_and_each_draw(
-    small_fit: Fit, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    small_fit: Fit, tmp_path: Path, cli: CommandLine
 ) -> None:
     run, out = str(small_fit.directory.path), tmp_path / "ice.prm"
     state = ["--microstructure", "steady-state", "--draws", "2", "--seed", "5"]
     arguments = ["export", run, "--format", "aspect", "--out", str(out), *state]
     for _ in range(2):  # an export may be written over
-        assert main(arguments) == 0
-        printed = capsys.readouterr().out.splitlines()
+        printed = cli(*arguments).splitlines()
         assert [Path(line).name for line in printed] == ["ice.prm", "ice_1.prm", "ice_2.prm"]
     texts = pyburgers.export(small_fit, "aspect", microstructure="steady_state", draws=2, seed=5)
     for name, text in zip(printed, texts, strict=True):
         assert (tmp_path / Path(name).name).read_text(encoding="utf-8") == text
     (tmp_path / "ice_2.prm").write_text("mine", encoding="utf-8")
-    assert_refused(main(arguments), capsys, "ice_2.prm", "holds something else")
+    cli.refused(arguments, "ice_2.prm", "holds something else")
     table_arguments = ["export", run, "--format", "tidalpy", "--microstructure", "initial"]
     cycles = ["--median-stress-MPa", "1", "--poisson-ratio", "0.3"]
-    assert main([*table_arguments, *cycles, "--amplitude-MPa", "0.3"]) == 0
+    cli(*table_arguments, *cycles, "--amplitude-MPa", "0.3")
     (text,) = export(small_fit, "tidalpy", microstructure="initial", **SHEAR)
-    assert table(capsys.readouterr().out)["frequency_Hz"].size == 60
+    assert table(cli.out)["frequency_Hz"].size == 60
     assert compliances(text).size == 60
 
 

@@ -2,10 +2,8 @@
 
 import json
 import shutil
-import signal
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -14,7 +12,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from conftest import ICE, Problem, stay_in_this_process
-from refusals import assert_refused
+from refusals import CommandLine
 
 from pyburgers.cli.main import main
 from pyburgers.common.toml_files import read_json
@@ -193,26 +191,6 @@ def test_every_data_set_is_a_file_and_the_manifest_says_how_to_repeat_it(
 
 
 @pytest.mark.slow
-def test_a_killed_calibration_is_continued_to_the_same_result(
-    small_problem: Problem, outcomes: dict[str, bytes], tmp_path: Path
-) -> None:
-    out = tmp_path / "out"
-    arguments = command(small_problem, out, "--jobs", "1")
-    killed = subprocess.Popen([sys.executable, "-m", "pyburgers", *arguments])
-    first = out / "simulations" / "simulation_000001.json"
-    deadline = time.monotonic() + 120
-    while not first.is_file() and time.monotonic() < deadline:
-        time.sleep(0.02)
-    killed.send_signal(signal.SIGKILL)
-    killed.wait()
-    left = {file.name for file in (out / "simulations").iterdir()}
-    assert first.name in left
-    assert len(left) < 2 or not (out / "ranks.csv").is_file()
-    assert main(command(small_problem, out, "--jobs", "1")) == 3
-    assert contents(out) == outcomes
-
-
-@pytest.mark.slow
 def test_parts_that_run_at_the_same_time_come_to_the_same_result(
     small_problem: Problem, outcomes: dict[str, bytes], tmp_path: Path
 ) -> None:
@@ -229,30 +207,23 @@ def test_parts_that_run_at_the_same_time_come_to_the_same_result(
 
 
 def test_an_unfinished_calibration_is_shown_as_far_as_it_has_come(
-    finished: Path,
-    outcomes: dict[str, bytes],
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-    sketched: None,
+    finished: Path, outcomes: dict[str, bytes], tmp_path: Path, cli: CommandLine, sketched: None
 ) -> None:
     part = tmp_path / "part"
     shutil.copytree(finished, part)
     (part / "simulations" / "simulation_000003.json").unlink()
     (part / "ranks.csv").unlink()  # written at the end
     out = tmp_path / "shown"
-    main(["sbc", "--results-of", str(part), "--out", str(out)])
-    said = capsys.readouterr().out
+    said = cli("sbc", "--results-of", part, "--out", out, code=None)
     assert "2 of 3 data sets" in said
     assert f"tables and figure: {out}" in said
     assert pd.read_csv(out / "ranks.csv")["seed"].tolist() == [1, 2]
     whole = tmp_path / "whole"
-    main(["sbc", "--results-of", str(finished), "--out", str(whole)])
+    cli("sbc", "--results-of", finished, "--out", whole, code=None)
     assert (whole / "ranks.csv").read_bytes() == outcomes["ranks.csv"]
     shutil.rmtree(part / "simulations")
     none = tmp_path / "none"
-    capsys.readouterr()
-    main(["sbc", "--results-of", str(part), "--out", str(none)])
-    assert f"tables: {none}" in capsys.readouterr().out
+    assert f"tables: {none}" in cli("sbc", "--results-of", part, "--out", none, code=None)
     assert not (none / "ranks.png").exists()
 
 
@@ -261,7 +232,7 @@ def test_a_calibration_goes_on_from_its_table(
     finished: Path,
     outcomes: dict[str, bytes],
     tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
+    cli: CommandLine,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """What is kept of one are its results; a data set that they have is not fitted again."""
@@ -272,15 +243,14 @@ def test_a_calibration_goes_on_from_its_table(
     rows = table.read_text(encoding="utf-8").splitlines(keepends=True)
     table.write_text("".join(rows[:-1]), encoding="utf-8")
     shutil.rmtree(out / "simulations")
-    main(["sbc", "--results-of", str(out), "--out", str(tmp_path / "report")])
+    cli("sbc", "--results-of", out, "--out", tmp_path / "report", code=None)
     assert (tmp_path / "report" / "ranks.csv").read_bytes() == table.read_bytes()
-    capsys.readouterr()
-    main(command(small_problem, out))
-    assert "2 of 3 data sets are there already" in capsys.readouterr().err
+    cli(*command(small_problem, out), code=None)
+    assert "2 of 3 data sets are there already" in cli.error
     assert contents(out) == outcomes
     shutil.rmtree(out / "simulations")
     table.write_text("seed,ranks\n1,2\n", encoding="utf-8")
-    assert_refused(main(command(small_problem, out)), capsys, "found no table of data sets")
+    cli.refused(command(small_problem, out), "found no table of data sets")
 
 
 @pytest.mark.parametrize(
@@ -297,10 +267,13 @@ def test_another_configuration_in_the_same_folder_is_refused(
     small_problem: Problem,
     finished: Path,
     outcomes: dict[str, bytes],
-    capsys: pytest.CaptureFixture[str],
+    cli: CommandLine,
 ) -> None:
-    code = main(command(small_problem, finished, *option))
-    assert_refused(code, capsys, "holds a run of other inputs", "choose another --out")
+    cli.refused(
+        command(small_problem, finished, *option),
+        "holds a run of other inputs",
+        "choose another --out",
+    )
 
 
 def test_repetitions_can_be_added_but_not_taken_back(
@@ -308,24 +281,29 @@ def test_repetitions_can_be_added_but_not_taken_back(
     finished: Path,
     outcomes: dict[str, bytes],
     tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
+    cli: CommandLine,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Only fits that had not converged are made again, and the outcome is that of one go."""
     stay_in_this_process(monkeypatch)
     later = tmp_path / "later"
     repeated = pd.read_csv(finished / "ranks.csv").query("refits == 1")["seed"]
-    main(command(small_problem, later, "--refits", "0", "--part", f"{repeated.iloc[0]}/3"))
+    cli(
+        *command(small_problem, later, "--refits", "0", "--part", f"{repeated.iloc[0]}/3"),
+        code=None,
+    )
     (file,) = (later / "simulations").iterdir()
     assert json.loads(file.read_text(encoding="utf-8"))["failed_checks"]
     for other in (finished / "simulations").iterdir():
         if other.name != file.name:
             shutil.copy(other, file.parent)
-    main(command(small_problem, later))
+    cli(*command(small_problem, later), code=None)
     assert contents(later) == outcomes
-    capsys.readouterr()
-    code = main(command(small_problem, finished, "--refits", "0"))
-    assert_refused(code, capsys, "calibrated with 1 repetitions", "expected no fewer, found 0")
+    cli.refused(
+        command(small_problem, finished, "--refits", "0"),
+        "calibrated with 1 repetitions",
+        "expected no fewer, found 0",
+    )
 
 
 @pytest.mark.parametrize(
@@ -340,13 +318,7 @@ def test_repetitions_can_be_added_but_not_taken_back(
     ],
 )
 def test_what_was_damaged_or_changed_is_told(
-    name: str,
-    old: str,
-    new: str,
-    word: str,
-    finished: Path,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
+    name: str, old: str, new: str, word: str, finished: Path, tmp_path: Path, cli: CommandLine
 ) -> None:
     out = tmp_path / "out"
     shutil.copytree(finished, out)
@@ -354,13 +326,12 @@ def test_what_was_damaged_or_changed_is_told(
     assert old in text
     (out / name).write_text(text.replace(old, new, 1), encoding="utf-8")
     if name == "manifest.json":
-        assert_refused(main(["sbc", "--results-of", str(out)]), capsys, "as its seal says")
+        cli.refused(["sbc", "--results-of", out], "as its seal says")
         RunDirectory(out).write_manifest(read_json(out / name))
-    capsys.readouterr()
-    assert_refused(main(["sbc", "--results-of", str(out)]), capsys, word)
+    cli.refused(["sbc", "--results-of", out], word)
 
 
-def test_results_of_another_version_are_refused(capsys: pytest.CaptureFixture[str]) -> None:
+def test_results_of_another_version_are_refused(cli: CommandLine) -> None:
     folder = Path(__file__).parents[2] / "reports" / "calibration" / "ice"
     word = "If another version of pyburgers wrote the folder, use that version.\n"
-    assert_refused(main(["sbc", "--results-of", str(folder)]), capsys, word)
+    cli.refused(["sbc", "--results-of", folder], word)

@@ -21,7 +21,7 @@ from generated_tables import (
 import pyburgers
 from pyburgers.cli.main import COMMANDS
 from pyburgers.common.errors import InputError
-from pyburgers.kinds.experiment import CONDITION_KEYS
+from pyburgers.kinds.experiment import CONDITION_KEYS, of_kind
 from pyburgers.kinds.kind import load_experiment
 from pyburgers.kinds.likelihood import NAMES
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
@@ -170,8 +170,7 @@ def test_values_of_parameters_that_are_left_out_are_those_of_a_fit() -> None:
     rows = {line.split(" | ")[0]: line for line in parameter_lines() if " | " in line}
     assert rows["| `kelvin_stress_exponent`"].endswith("| 1 |")
     assert rows["| `breakdown_stress`"].endswith("| 0 Pa |")
-    history = load_experiment(SHIPPED["loading_history"])
-    assert isinstance(history, HistoryExperiment)
+    history = of_kind(load_experiment(SHIPPED["loading_history"]), HistoryExperiment)
     plain = default_priors(history.material, history.protocol)
     (priors,) = LIKELIHOOD.own_priors([history], plain)
     for name in FREE_IN_HISTORIES:
@@ -233,8 +232,7 @@ def test_shipped_tests_take_the_laws_that_the_table_allows(
 def test_what_depends_on_readings_stands_above_the_tables() -> None:
     page = DATA.parent / "docs" / "reference" / "combinations.md"
     said = " ".join(page.read_text(encoding="utf-8").split())
-    history = load_experiment(SHIPPED["loading_history"])
-    assert isinstance(history, HistoryExperiment)
+    history = of_kind(load_experiment(SHIPPED["loading_history"]), HistoryExperiment)
     (priors,) = LIKELIHOOD.own_priors([history], default_priors(history.material, history.protocol))
     law = variant_of(priors, history).residuals
     assert f"whose strain is read takes `residuals={law}`" in said

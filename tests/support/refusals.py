@@ -1,11 +1,12 @@
 """Bad input is refused with one sentence; and text files of input with something replaced."""
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import pytest
 
+from pyburgers.cli.main import main
 from pyburgers.common.errors import InputError
 from pyburgers.kinds.kind import load_experiment
 
@@ -29,6 +30,32 @@ def assert_refused(code: int, capsys: pytest.CaptureFixture[str], *words: str) -
     assert re.fullmatch(r"pyburgers: [^\n]+[.?]\n", error)
     for word in words:
         assert word in error
+
+
+class CommandLine:
+    """Commands in this process; exit code, output and errors are those of the last one."""
+
+    code: int
+    out: str
+    error: str
+
+    def __init__(self, capsys: pytest.CaptureFixture[str]) -> None:
+        self._capsys = capsys
+
+    def __call__(self, *words: object, code: int | None = 0) -> str:
+        """Run a command that has to end with an exit code, if one is given; return its output."""
+        self._capsys.readouterr()
+        self.code = main([str(word) for word in words])
+        self.out, self.error = self._capsys.readouterr()
+        assert code is None or self.code == code, self.out + self.error
+        return self.out
+
+    def refused(self, words: Sequence[object], *told: str) -> None:
+        """Run a command that has to be refused (`assert_refused`)."""
+        assert self(*words, code=2) == ""
+        assert re.fullmatch(r"pyburgers: [^\n]+[.?]\n", self.error)
+        for one in told:
+            assert one in self.error
 
 
 def written(

@@ -25,7 +25,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from conftest import sketch_pictures, with_fixed
 from log_density import program_with
@@ -42,13 +41,13 @@ from pyburgers import (
     load_priors,
     with_variant,
 )
+from pyburgers.common.array_types import FloatArray
 from pyburgers.kinds.problem import Problem, problem_of
 from pyburgers.kinds.program_data import program_data
 from pyburgers.kinds.stan_data import StanData
 from pyburgers.kinds.together import pooling_for
 from pyburgers.page.page import write_report
 
-FloatArray = npt.NDArray[np.float64]
 RecordProperty = Callable[[str, object], None]
 pytestmark = pytest.mark.usefixtures("programs")
 

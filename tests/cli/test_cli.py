@@ -17,6 +17,7 @@ import pytest
 from conftest import ICE, Problem
 from refusals import CommandLine
 from small_inputs import CURVE, EXPERIMENT, PRIORS
+from truths import truth_of
 
 import pyburgers
 from pyburgers.checks.verdicts import CHECKS
@@ -54,8 +55,7 @@ def parameters(tmp_path: Path) -> Parameters:
     """Write the parameters of a twin, some changed, and return the file."""
 
     def parameters(**changes: object) -> Path:
-        truth = load_constant_rate(ICE / "PIL40.toml").true_parameters
-        assert truth is not None
+        truth = truth_of(load_constant_rate(ICE / "PIL40.toml"))
         path = tmp_path / "parameters.json"
         path.write_text(json.dumps({**truth, **changes}), encoding="utf-8")
         return path

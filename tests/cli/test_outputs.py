@@ -8,6 +8,7 @@ import pytest
 from conftest import ICE, Problem
 from refusals import CommandLine
 from same_contents import contents
+from truths import truth_of
 
 from pyburgers.cli.main import main
 from pyburgers.fitting.fit import Fit
@@ -26,8 +27,7 @@ def folder(
     text = text.replace('file = "experiment.csv"', 'file = "test.csv"')
     (tmp_path / "test.toml").write_text(text, encoding="utf-8")
     shutil.copy(inputs.with_name("experiment.csv"), tmp_path / "test.csv")
-    truth = load_experiment(ICE / "PIL40.toml").true_parameters
-    assert truth is not None
+    truth = truth_of(load_experiment(ICE / "PIL40.toml"))
     (tmp_path / "parameters.json").write_text(json.dumps({**truth}), encoding="utf-8")
     (tmp_path / "points.csv").write_text("frequency_Hz,tan_delta\n0.01,0.1\n", encoding="utf-8")
     monkeypatch.chdir(tmp_path)

@@ -82,8 +82,8 @@ def test_a_full_disk_leaves_an_older_set_whole(
 def test_a_test_with_data_is_scored(
     joint: Fit, small_problem: Problem, tmp_path: Path, cli: CommandLine
 ) -> None:
-    words = ("predict", joint.directory.path, small_problem.experiment_file)
-    words += ("--out", tmp_path / "again.csv")
+    files = (small_problem.experiment_file, "--out", tmp_path / "again.csv")
+    words = ("predict", joint.directory.path, *files)
     printed = cli(*words, "--separate-from", "other", "--draws", "50")
     assert "PIL40 is part of the fit" in printed
     assert re.search(r"Of \d+ points lie \d+ % in the 50 % band", printed)

@@ -13,6 +13,7 @@ from conftest import LONG_RUN, Problem, with_fixed
 from scipy import stats
 from synthetic_fit import make_fit, with_problem
 from synthetic_olivine_fit import make_olivine_fit
+from truths import truth_of
 
 from pyburgers.cli.compare import save_comparison
 from pyburgers.common.array_types import FloatArray, IntArray
@@ -314,8 +315,7 @@ def test_fits_of_other_data_are_refused(tmp_path: Path) -> None:
 @pytest.fixture(scope="module")
 def wrong_fit(small_problem: Problem, tmp_path_factory: pytest.TempPathFactory) -> Fit:
     """The small problem with a Kelvin element three times too stiff."""
-    truth = small_problem.experiment.true_parameters
-    assert truth is not None
+    truth = truth_of(small_problem.experiment)
     priors = with_fixed(small_problem.priors, {"kelvin_modulus": 3 * truth["kelvin_modulus"]})
     out = tmp_path_factory.mktemp("wrong") / "run"
     return fit(small_problem.experiment, priors, out=out, options=LONG_RUN)

@@ -14,6 +14,7 @@ from conftest import ICE, SMALL_RUN, Problem, copy_of, pair_of, with_fixed
 from kind_examples import AttenuationExample
 from scipy.integrate import trapezoid
 from scipy.special import logsumexp
+from truths import truth_of
 
 from pyburgers.cli.compare import save_comparison_by_test
 from pyburgers.cli.main import main
@@ -329,8 +330,7 @@ def log_evidence(table: AttenuationExperiment, truth: Mapping[str, float]) -> fl
 @pytest.mark.slow
 @pytest.mark.usefixtures("programs", "in_this_process")
 def test_temperatures_are_left_out_one_by_one(tmp_path: Path) -> None:
-    assert TWIN.true_parameters is not None
-    truth = dict(TWIN.true_parameters)
+    truth = truth_of(TWIN)
     priors = default_priors("ice", "attenuation")
     known = {name: truth[name] for name in priors.free if name != "activation_enthalpy"}
     result = fit(

@@ -5,14 +5,15 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from conftest import ICE, SMALL_RUN, Problem, search_little, with_fixed
 from history_twins import history_twin
 from test_prediction import creep
+from truths import truth_of
 
 from pyburgers.checks.fit_checks import CheckKind, Outcome
 from pyburgers.cmdstan.program import load_program
+from pyburgers.common.array_types import FloatArray
 from pyburgers.common.draws import all_draws
 from pyburgers.common.errors import InputError
 from pyburgers.fitting.fit import Fit, fit
@@ -31,8 +32,6 @@ from pyburgers.model.priors import default_priors
 from pyburgers.model.variants import check_variant, variant_of, with_variant
 from pyburgers.page.page import write_report
 
-FloatArray = npt.NDArray[np.float64]
-
 ERROR = 3e4
 """Standard deviation of a reading (Pa)."""
 
@@ -45,9 +44,8 @@ RUN = replace(SMALL_RUN, draws=300)
 def twin(problem: Problem, missed: float) -> ConstantRateExperiment:
     """Return the small test with stated errors, noise of that size, and a hump along strain."""
     first = of_kind(problem.experiment, ConstantRateExperiment)
-    assert first.true_parameters is not None
     strain = np.linspace(2e-4, 0.02, 60)
-    clean = simulate(first, first.true_parameters, at=strain)["stress_Pa"].to_numpy()
+    clean = simulate(first, truth_of(first), at=strain)["stress_Pa"].to_numpy()
     hump = missed * ERROR * np.exp(-(((strain - 0.008) / 0.004) ** 2))
     noise = ERROR * np.random.default_rng(20261128).standard_normal(strain.size)
     return replace(first, strain=strain, stress=clean + hump + noise, stress_uncertainty=ERROR)
@@ -77,8 +75,7 @@ def fits(
 
 def standard_scores(result: Fit) -> dict[str, float]:
     """Distances of the true moduli and enthalpies from their means, in standard deviations."""
-    truth = result.experiment.true_parameters
-    assert truth is not None
+    truth = truth_of(result.experiment)
     drawn = result.posterior["posterior"].to_dataset()
     return {
         name: abs(float((drawn[name].mean() - truth[name]) / drawn[name].std()))
@@ -139,8 +136,7 @@ def test_a_law_that_describes_the_data_has_a_small_discrepancy(
 
 def log_likelihood(test: ConstantRateExperiment, **changed: float) -> FloatArray:
     """Log density of every reading given those before it, at the truth with some changes."""
-    assert test.true_parameters is not None
-    values = {**test.true_parameters, "residual_correlation_strain": 0.004, **changed}
+    values = {**truth_of(test), "residual_correlation_strain": 0.004, **changed}
     problem = one_test(test, given_parameters(test.material, values))
     data = program_data(problem, solver=REFERENCE_SOLVER, grids=[np.array([0.01])])
     return load_program(likelihood_of(test).program).evaluate(data)["log_lik"]
@@ -323,8 +319,7 @@ def test_intervals_hold_the_truth_as_often_as_they_say(
 ) -> None:
     """Of sixteen tests with smooth misfits of three reading errors, none of which is described."""
     first = twin(small_problem, 0.0)
-    truth, strain = first.true_parameters, first.strain
-    assert truth is not None
+    truth, strain = truth_of(first), first.strain
     clean = simulate(first, truth, at=strain)["stress_Pa"].to_numpy()
     distance = np.subtract.outer(strain, strain) / 0.003
     smooth = np.linalg.cholesky(np.exp(-0.5 * distance**2) + 1e-8 * np.eye(strain.size))

@@ -17,6 +17,7 @@ import pytest
 import xarray as xr
 from conftest import SMALL_RUN, Problem
 from log_density import Program
+from truths import truth_of
 
 from pyburgers.checks.fit_checks import CheckKind, Outcome
 from pyburgers.cmdstan.compilation import compile_program
@@ -126,8 +127,7 @@ def test_the_posterior_is_labelled(small_fit: Fit) -> None:
 
 def test_fixed_parameters_stay_fixed_and_the_others_find_the_truth(small_fit: Fit) -> None:
     posterior = group(small_fit, "posterior")
-    truth = small_fit.experiment.true_parameters
-    assert truth is not None
+    truth = truth_of(small_fit.experiment)
     for parameter in PARAMETERS:
         draws = posterior[parameter.name].to_numpy()
         if parameter.name in FREE:

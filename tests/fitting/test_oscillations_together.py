@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from conftest import SMALL_RUN, with_fixed
 from oscillation_pair import oscillation_pair
+from truths import truth_of
 
 from pyburgers.fitting.fit import Fit, fit
 from pyburgers.model.priors import default_priors
@@ -22,8 +23,7 @@ FREE = ("kelvin_modulus", "activation_enthalpy", "stress_noise")
 @pytest.fixture(scope="module")
 def joint(programs: None, tmp_path_factory: pytest.TempPathFactory) -> Fit:
     experiments = oscillation_pair(until=700.0)
-    truth = experiments[0].true_parameters
-    assert truth is not None
+    truth = truth_of(experiments[0])
     priors = default_priors("olivine")
     known = {name: truth[name] for name in priors.free if name not in FREE}
     return fit(
@@ -57,8 +57,7 @@ def test_every_record_has_its_own_solutions(joint: Fit) -> None:
 
 
 def test_the_truth_is_found(joint: Fit) -> None:
-    truth = joint.problem.experiments[0].true_parameters
-    assert truth is not None
+    truth = truth_of(joint.problem.experiments[0])
     draws = joint.posterior["posterior"]["kelvin_modulus"]
     assert abs(float(draws.mean()) - truth["kelvin_modulus"]) < 4 * float(draws.std())
     assert "divergences" not in [check.name for check in joint.checks() if not check.passed]

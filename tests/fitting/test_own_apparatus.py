@@ -3,10 +3,10 @@
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from history_twins import history_twin
 
+from pyburgers.common.array_types import FloatArray
 from pyburgers.fitting.new_test import (
     TEST_PARAMETERS,
     Source,
@@ -20,8 +20,6 @@ from pyburgers.kinds.experiment import Stated
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.problem import problem_of
 from pyburgers.model.priors import default_priors
-
-FloatArray = npt.NDArray[np.float64]
 
 N_DRAWS = 5
 

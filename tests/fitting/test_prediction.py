@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 import xarray as xr
 from conftest import ICE, Problem, pair_of, resolved_priors, with_fixed
@@ -14,6 +13,7 @@ from scipy import stats
 from scipy.special import logsumexp
 
 from pyburgers import fixed
+from pyburgers.common.array_types import FloatArray
 from pyburgers.common.draws import all_draws
 from pyburgers.common.errors import InputError
 from pyburgers.common.netcdf_files import write_netcdf
@@ -53,8 +53,6 @@ from pyburgers.predictions.other_tests import (
     reading_table,
     score_table,
 )
-
-FloatArray = npt.NDArray[np.float64]
 
 
 def another_test(fitted: Fit | Problem) -> ConstantRateExperiment:

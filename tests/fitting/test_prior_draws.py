@@ -4,12 +4,12 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from scipy import stats
 from synthetic_fit import make_fit
 
 from pyburgers.cmdstan.program import Program, Unsolved
+from pyburgers.common.array_types import FloatArray
 from pyburgers.common.draws import all_draws
 from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.fitting.fit import Fit
@@ -20,11 +20,11 @@ from pyburgers.model.flow_law_prior import PRIOR_QUANTITIES, Conditions, FlowLaw
 N_DRAWS = 600
 
 
-def parameter_draws(drawn: PriorDraws, name: str) -> npt.NDArray[np.float64]:
+def parameter_draws(drawn: PriorDraws, name: str) -> FloatArray:
     return all_draws(drawn.posterior["posterior"].to_dataset()[name])
 
 
-def stresses(drawn: PriorDraws) -> npt.NDArray[np.float64]:
+def stresses(drawn: PriorDraws) -> FloatArray:
     """Of the solutions (Pa), shape (n_draws, n_grid)."""
     return all_draws(drawn.posterior["predictions"].to_dataset()["stress"])
 

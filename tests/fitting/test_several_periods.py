@@ -5,18 +5,16 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from linear_bodies import LAWS, linear_body
 
+from pyburgers.common.array_types import FloatArray
 from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
 from pyburgers.kinds.attenuation.table import NO_READINGS, CycleConditions, Elasticity
 from pyburgers.kinds.experiment import Provenance
 from pyburgers.kinds.forward import simulate
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.stages import Stage
-
-FloatArray = npt.NDArray[np.float64]
 
 TEMPERATURE, GRAIN_SIZE = 263.0, 2e-4
 PERIODS, AMPLITUDES = (140.0, 35.0), (1e5, 4e4)

@@ -6,12 +6,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from conftest import ICE, search_little, with_fixed
 from history_twins import history_twin
+from truths import truth_of
 
 from pyburgers.cmdstan.program import load_program
+from pyburgers.common.array_types import FloatArray
 from pyburgers.common.errors import InputError
 from pyburgers.comparison.by_tests import compare_by_test
 from pyburgers.fitting.charts_at_modes import at_mode
@@ -40,8 +41,6 @@ from pyburgers.predictions.attenuation import predict_attenuation
 from pyburgers.predictions.exports import export
 from pyburgers.predictions.stress_cycles import Regime
 from pyburgers.sampling.options import SamplerOptions
-
-FloatArray = npt.NDArray[np.float64]
 
 TIGHT = SolverOptions(tolerance=1e-12, max_num_steps=1_000_000)
 
@@ -138,8 +137,7 @@ FREE = (
 
 @pytest.fixture(scope="module")
 def fitted(programs: None, tmp_path_factory: pytest.TempPathFactory) -> Fit:
-    truth = curve().true_parameters
-    assert truth is not None
+    truth = truth_of(curve())
     known = {name: truth[name] for name in priors().free if name not in FREE}
     with pytest.MonkeyPatch.context() as patch:
         search_little(patch)
@@ -158,8 +156,7 @@ def test_a_fit_says_of_each_what_it_would_by_itself(fitted: Fit) -> None:
     assert "stress_noise" in of_curve.summary().index
     assert "stress_noise" not in of_table.summary().index
     for one in (of_curve, of_table):
-        truth = one.experiment.true_parameters
-        assert truth is not None
+        truth = truth_of(one.experiment)
         draws = one.posterior["posterior"]
         for name in ("maxwell_modulus", "kelvin_modulus", "activation_enthalpy"):
             assert abs(float(draws[name].mean()) - truth[name]) < 4 * float(draws[name].std())
@@ -239,8 +236,7 @@ def test_valley_coordinates_of_the_curve_leave_the_table_alone() -> None:
     """With nothing of its own the table adds its likelihood, in whatever coordinates."""
     problem = both(ONE_MODULUS)
     alone = problem_of([CONSTANT_RATE.as_history(curve())], priors())
-    truth = curve().true_parameters
-    assert truth is not None
+    truth = truth_of(curve())
     plain = alone.coordinates[0]
     # Any point does as the reference: the curve's truth.
     known = given_parameters("ice", truth)

@@ -5,7 +5,6 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from conftest import search_little, sketch_pictures, with_fixed
 from kind_examples import EXAMPLES
@@ -16,8 +15,10 @@ from same_contents import assert_equal
 from scipy import stats
 from stan_data import one_test_data, parameters_in
 from truth_as_mode import at_truth
+from truths import truth_of
 
 from pyburgers.checks.fit_checks import Outcome
+from pyburgers.common.array_types import FloatArray
 from pyburgers.drawing.view import views
 from pyburgers.fitting.charts_at_modes import at_mode, find_mode
 from pyburgers.fitting.fit import Fit, fit
@@ -35,7 +36,6 @@ from pyburgers.page.posterior_figures import figures_for
 from pyburgers.page.tables import truth_table
 from pyburgers.sampling.options import SamplerOptions
 
-FloatArray = npt.NDArray[np.float64]
 RecordProperty = Callable[[str, object], None]
 pytestmark = pytest.mark.usefixtures("programs")
 
@@ -135,11 +135,6 @@ def test_the_solution_agrees_with_an_independent_solver(kind: str, name: str, wh
             atol=5e-7 * np.ptp(found) if swings else 0.0,
             err_msg=column,
         )
-
-
-def truth_of(experiment: Experiment) -> dict[str, float]:
-    assert experiment.true_parameters is not None
-    return dict(experiment.true_parameters)
 
 
 @cache

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from conftest import ICE
+from truths import truth_of
 
 from pyburgers.checks.advice import advise_on_spectra
 from pyburgers.checks.discrepancies import place_text
@@ -105,50 +106,14 @@ def test_places_lead_back_to_periods_and_spectra(edit: Edit) -> None:
 )
 def test_axial_and_shear_cycles_follow_the_stated_rules(elasticity: Elasticity) -> None:
     table = replace(load_attenuation(TWIN), elasticity=elasticity)
-    assert table.true_parameters is not None
-    found = simulate(table, table.true_parameters, at=table.position)
+    found = simulate(table, truth_of(table), at=table.position)
     tan_delta, modulus = attenuation_oracle.log_readings(
         table,
-        table.true_parameters,
+        truth_of(table),
         table.conditions.period,
         np.arange(table.conditions.n_rows),
     )
     np.testing.assert_allclose(found["log_reading"], np.append(tan_delta, modulus), rtol=1e-9)
-
-
-@pytest.mark.usefixtures("programs")
-def test_reference_values_of_the_closed_form() -> None:
-    """Those that the prediction of attenuation is tested with, from the program."""
-    twin = load_attenuation(TWIN)
-    frequencies, enthalpy, temperature = np.array([1e-2, 1e-3, 1e-4]), 60e3, 260.0
-    expected = [[0.63270, 1.06305, 0.64634], [36.20369, 8.76002, 3.65217]]
-    for regime, values in zip([(1e6, 0.17e6), (4e6, 1.5e6)], expected, strict=True):
-        conditions = replace(
-            twin.conditions,
-            period=1 / frequencies,
-            temperature=np.full(3, temperature),
-            median_stress=np.full(3, regime[0]),
-            amplitude=np.full(3, regime[1]),
-        )
-        table = replace(
-            twin, conditions=conditions, readings=replace(twin.readings, modulus=np.empty(0))
-        )
-        assert twin.true_parameters is not None
-        parameters = {
-            **twin.true_parameters,
-            "maxwell_modulus": 4e9,
-            "kelvin_modulus": 5e8,
-            "kelvin_viscosity": 1e11,
-            "kelvin_activation_enthalpy": 0.0,
-            "modulus_temperature_coefficient": 0.0,
-            "stress_exponent": 4.0,
-            "grain_size_exponent": 0.0,
-            "activation_enthalpy": enthalpy,
-            "beta": np.log(1.778058e-31) / enthalpy
-            + 1 / (attenuation_oracle.GAS_CONSTANT * temperature),
-        }
-        found = simulate(table, parameters, at=conditions.place)
-        np.testing.assert_allclose(np.exp(found["log_reading"])[::-1], values, rtol=1e-5)
 
 
 def test_without_amplitudes_the_dashpot_has_to_be_linear() -> None:
@@ -176,10 +141,9 @@ def without(table: AttenuationExperiment, name: str):  # type: ignore[no-untyped
 
 def test_simulated_readings_have_scatter_and_stated_errors() -> None:
     twin = load_attenuation(TWIN)
-    assert twin.true_parameters is not None
     rng = np.random.default_rng(1)
     truth = np.append(np.full(36, np.log(0.2)), np.full(36, np.log(5e9)))
-    drawn = [twin.with_noise(truth, twin.true_parameters, rng) for _ in range(200)]
+    drawn = [twin.with_noise(truth, truth_of(twin), rng) for _ in range(200)]
     truth[:36] = np.log(np.hypot(0.2, 0.004))
     left = np.array([one.response - truth for one in drawn])
     wanted = np.hypot(0.04, 0.004 / 0.2), 0.01

@@ -31,17 +31,6 @@ def test_times_follow_from_the_rates(curve: ConstantRateExperiment) -> None:
     np.testing.assert_allclose(times, [0, 200, 500, 1500], rtol=1e-12)
 
 
-def test_strains_follow_from_times_and_the_rate(tmp_path: Path) -> None:
-    by_time = (
-        ('strain_column = "strain"', 'time_column = "time"'),
-        ('strain_unit = "fraction"', 'time_unit = "min"'),
-    )
-    files = {"curve": "time,stress\n5,1\n10,2\n"}
-    found = load_constant_rate(written(tmp_path / "test.toml", EXPERIMENT, by_time, files))
-    np.testing.assert_allclose(found.strain, [0.03, 0.06], rtol=1e-12)
-    np.testing.assert_allclose(found.time_at(found.strain), [300, 600], rtol=1e-12)
-
-
 def test_the_environment_takes_the_place_of_data_root(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

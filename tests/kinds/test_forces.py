@@ -2,17 +2,18 @@
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import oracle
 import pytest
+from history_files import history, stage
 from history_twins import GRAIN_SIZE, TEMPERATURE, TRUTH
-from refusals import refusal, written
 from same_contents import assert_equal
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
+from pyburgers.common.array_types import FloatArray
 from pyburgers.kinds.forward import simulate
 from pyburgers.kinds.kind import save_experiment
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
@@ -20,23 +21,12 @@ from pyburgers.kinds.loading_history.files import load_loading_history
 from pyburgers.kinds.program_data import solve
 from pyburgers.kinds.stan_data import SolverOptions
 
-FloatArray = npt.NDArray[np.float64]
-
 COMPLIANCE = 1.8e-9
-HEAD = f"""
-id = "force"
-material = "ice"
-protocol = "loading_history"
-temperature_K = {TEMPERATURE}
-initial_grain_size_m = {GRAIN_SIZE}
-stage_stress_unit = "MPa"
-stress_measure = "engineering"
-
-[provenance]
-kind = "synthetic"
-source = "imagined"
-"""
-APPARATUS = f"\n[apparatus]\ncompliance_per_Pa = {COMPLIANCE}\n"
+AT_CONDITIONS = {
+    "temperature_K": TEMPERATURE,
+    "initial_grain_size_m": GRAIN_SIZE,
+    "stress_measure": "engineering",
+}
 STAGES: Mapping[str, tuple[tuple[float, float, float], ...]] = {
     "constant": ((4000.0, 5e6, 0.0),),
     "tension": ((1500.0, -5e6, 0.0),),
@@ -57,18 +47,19 @@ MATERIALS: Mapping[str, Mapping[str, float]] = {
 }
 
 
-def text_of(stages: tuple[tuple[float, float, float], ...]) -> str:
-    """The file of a test without data."""
-    start, text = 0.0, HEAD
+def forced(
+    stages: tuple[tuple[float, float, float], ...], columns: Mapping[str, FloatArray], **head: Any
+) -> HistoryExperiment:
+    """A test of the given forces in an apparatus that gives way."""
+    start, listed = 0.0, []
     for duration, force, rate in stages:
-        own = (
-            f'control = "stress_rate"\nstart_stress = {force / 1e6}\nstress_rate = {rate / 1e6}'
-            if rate
-            else f'control = "stress"\nstress = {force / 1e6}'
-        )
-        text += f"\n[[stages]]\nstart_time = {start}\nend_time = {start + duration}\n{own}\n"
+        own: dict[str, Any] = {"control": "stress", "stress": force / 1e6}
+        if rate:
+            own = {"control": "stress_rate", "start_stress": force / 1e6, "stress_rate": rate / 1e6}
+        listed.append({"start_time": start, "end_time": start + duration, **own})
         start += duration
-    return text
+    keys = {"stage_stress_unit": "MPa", "apparatus": {"compliance_per_Pa": COMPLIANCE}, **head}
+    return history(listed, columns, {"strain_unit": "fraction"}, **AT_CONDITIONS, **keys)
 
 
 def by_scipy(
@@ -144,22 +135,16 @@ def by_scipy(
     return stresses, strains
 
 
-def load(folder: Path, text: str, rows: str = "") -> HistoryExperiment:
-    return load_loading_history(
-        written(folder / "force.toml", text, (), {"force": rows} if rows else {})
-    )
-
-
 @pytest.mark.usefixtures("programs")
 @pytest.mark.parametrize(
     ("stages", "material"),
     [*((stages, "ice") for stages in STAGES), *(("ramps and steps", one) for one in MATERIALS)],
 )
 def test_a_force_without_data_is_solved_with_the_area_of_the_solution(
-    stages: str, material: str, tmp_path: Path
+    stages: str, material: str
 ) -> None:
     values = {**TRUTH, **MATERIALS[material]}
-    test = load(tmp_path, text_of(STAGES[stages]) + APPARATUS)
+    test = forced(STAGES[stages], {})
     at = np.linspace(0.0, test.end_time, 41)[1:-1] + 0.5
     stress, strain = by_scipy(values, STAGES[stages], at)
     found = simulate(test, values, at=at)
@@ -172,11 +157,9 @@ def test_a_force_without_data_is_solved_with_the_area_of_the_solution(
 
 @pytest.mark.usefixtures("programs")
 @pytest.mark.parametrize("stages", STAGES)
-def test_the_strain_rate_under_a_force_is_the_slope_of_the_strain(
-    stages: str, tmp_path: Path
-) -> None:
+def test_the_strain_rate_under_a_force_is_the_slope_of_the_strain(stages: str) -> None:
     """That of the apparatus and of the error of the load cell included."""
-    test = load(tmp_path, text_of(STAGES[stages]) + APPARATUS)
+    test = forced(STAGES[stages], {})
     values = {**TRUTH, "apparatus_compliance": COMPLIANCE, "stress_calibration_error": 0.05}
     middle = np.linspace(0.0, test.end_time, 20)[1:-1] + 0.7
     at = np.sort(np.concatenate([middle - 0.1, middle, middle + 0.1]))
@@ -186,65 +169,37 @@ def test_the_strain_rate_under_a_force_is_the_slope_of_the_strain(
 
 
 def test_a_copy_of_a_test_under_a_force_is_the_same(tmp_path: Path) -> None:
-    original = load(tmp_path, text_of(STAGES["ramps and steps"]) + APPARATUS)
-    folder = tmp_path / "copy"
-    folder.mkdir()
-    assert_equal(load_loading_history(save_experiment(original, folder)), original)
-
-
-DATA = """
-[data]
-file = "force.csv"
-time_column = "time"
-time_unit = "s"
-strain_column = "strain"
-strain_unit = "fraction"
-"""
+    original = forced(STAGES["ramps and steps"], {})
+    assert_equal(load_loading_history(save_experiment(original, tmp_path)), original)
 
 
 @pytest.mark.parametrize("zero", [0.0, 0.01])
-def test_the_area_under_a_force_is_without_the_strain_of_the_apparatus(
-    zero: float, tmp_path: Path
-) -> None:
+def test_the_area_under_a_force_is_without_the_strain_of_the_apparatus(zero: float) -> None:
     """A creep test of scipy, whose strain is read with the share of the apparatus."""
     stages = ((4000.0, 20e6, 0.0),)
     time = np.linspace(1.0, 3999.0, 400)
     values = {**TRUTH, "beta": TRUTH["beta"] - 8e-5}
     stress, strain = by_scipy(values, stages, time)
-    read = strain + COMPLIANCE * stress + zero
-    rows = "\n".join(
-        ["time,strain", *(f"{t},{e!r}" for t, e in zip(time.tolist(), read.tolist(), strict=True))]
-    )
-    offset = f'[strain_offset]\nvalue = {zero}\nunit = "fraction"\n'
-    test = load(tmp_path, text_of(stages) + APPARATUS + offset + DATA, rows)
+    columns = {"time": time, "strain": strain + COMPLIANCE * stress + zero}
+    test = forced(stages, columns, strain_offset={"value": zero, "unit": "fraction"})
     corner, value = np.transpose(test.stages[0].knots)
     np.testing.assert_allclose(np.interp(time, corner, value), stress, rtol=2e-3)
     assert COMPLIANCE * stress[0] > 0.03  # by which the area would be wrong
 
 
-def test_engineering_stresses_are_those_of_the_sample(tmp_path: Path) -> None:
+def test_engineering_stresses_are_those_of_the_sample() -> None:
     strain, stress = np.array([0.02, 0.08, 0.15]), np.array([10e6, 30e6, 40e6])
-    force = stress * np.exp(strain)
-    shortening = -np.expm1(-(strain + COMPLIANCE * stress))
-    rows = "\n".join(
-        ["time,strain,stress"]
-        + [
-            f"{10 * k + 10},{e!r},{f!r}"
-            for k, (e, f) in enumerate(zip(shortening.tolist(), force.tolist(), strict=True))
-        ]
+    columns = {
+        "time": np.array([10.0, 20.0, 30.0]),
+        "strain": -np.expm1(-(strain + COMPLIANCE * stress)),
+        "stress": stress * np.exp(strain),
+    }
+    test = history(
+        [stage(40.0, "strain_rate", strain_rate_per_s=0.005)],
+        columns,
+        {"strain_unit": "fraction", "stress_unit": "Pa"},
+        apparatus={"compliance_per_Pa": COMPLIANCE},
+        strain_measure="engineering",
+        **AT_CONDITIONS,
     )
-    stage = '[[stages]]\nstart_time = 0\nend_time = 40\ncontrol = "strain_rate"\n'
-    head = HEAD.replace("\n\n[prov", '\nstrain_measure = "engineering"\n\n[prov')
-    text = f"{head}\n{stage}strain_rate_per_s = 0.005\n{APPARATUS}{DATA}"
-    text += 'stress_column = "stress"\nstress_unit = "Pa"\n'
-    np.testing.assert_allclose(load(tmp_path, text, rows).reading, stress, rtol=1e-12)
-
-
-def test_a_compliance_in_another_unit_is_refused(tmp_path: Path) -> None:
-    rows = "time,strain\n1,0.1\n3999,0.2\n"
-    stiff = APPARATUS.replace("e-09", "e-03")
-    text = text_of(STAGES["constant"]) + stiff + DATA
-    path = written(tmp_path / "force.toml", text, (), {"force": rows})
-    said = refusal(path, load_loading_history)
-    assert "'compliance_per_Pa'" in said
-    assert "check its unit" in said
+    np.testing.assert_allclose(test.reading, stress, rtol=1e-12)

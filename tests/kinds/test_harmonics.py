@@ -3,9 +3,9 @@
 import tracemalloc
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 
+from pyburgers.common.array_types import FloatArray
 from pyburgers.common.errors import InputError
 from pyburgers.kinds.forced_oscillation.harmonics import (
     choose_degree,
@@ -14,8 +14,6 @@ from pyburgers.kinds.forced_oscillation.harmonics import (
     strongest_frequency,
     trend_projection,
 )
-
-FloatArray = npt.NDArray[np.float64]
 
 PERIOD = 300.0
 OMEGA = 2 * np.pi / PERIOD

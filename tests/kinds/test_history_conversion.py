@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from conftest import ICE, with_fixed
+from truths import truth_of
 
 from pyburgers.cmdstan.program import load_program
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, RateSegment
@@ -55,8 +56,7 @@ def test_the_density_is_that_of_the_test_at_constant_rate(
     curve: ConstantRateExperiment, conditions: str
 ) -> None:
     curve = replace(curve, uncertain=CONDITIONS[conditions])
-    truth = load_constant_rate(ICE / "PIL40.toml").true_parameters
-    assert truth is not None
+    truth = truth_of(load_constant_rate(ICE / "PIL40.toml"))
     # Coordinates differ in the flow rate; all but three others are known.
     few = ("maxwell_modulus", "kelvin_viscosity", "stress_noise")
     known = {name: truth[name] for name in default_priors("ice").free if name not in few}

@@ -1,41 +1,14 @@
 """Loading histories: signs, first lengths, compliance of the apparatus, thermal expansion."""
 
-from collections.abc import Mapping
-from pathlib import Path
-from typing import Any
-
 import numpy as np
 import pytest
-
-from pyburgers.kinds.loading_history.experiment import HistoryExperiment
-from pyburgers.kinds.loading_history.files import load_loading_history
+from history_files import history, stage
 
 TIME = np.geomspace(1.0, 3000.0, 40)
 MODULUS = 9.0 * np.exp(-TIME / 1000.0)
 
-LOADING = {"control": "strain_rate", "start_time": 0.0, "end_time": 0.5, "strain_rate_per_s": 2e-3}
+LOADING = stage(0.5, "strain_rate", strain_rate_per_s=2e-3)
 HELD = {"control": "hold_strain", "start_time": 0.5, "end_time": 3000.0}
-
-
-def history(
-    stages: list[dict[str, Any]],
-    columns: Mapping[str, np.ndarray],
-    data: dict[str, Any],
-    **head: Any,
-) -> HistoryExperiment:
-    """Return a test of columns by their quantities, times in s."""
-    named = {f"{quantity}_column": quantity for quantity in columns}
-    keys = {
-        "id": "sample",
-        "material": "ice",
-        "protocol": "loading_history",
-        "temperature_K": 263.0,
-        "initial_grain_size_m": 1e-3,
-        "stages": stages,
-        "data": {"file": dict(columns), "time_unit": "s", **named, **data},
-        "provenance": {"kind": "synthetic", "source": "this test"},
-    }
-    return load_loading_history(Path("sample"), {**keys, **head})
 
 
 class TestARelaxationModulus:
@@ -50,7 +23,7 @@ class TestARelaxationModulus:
         loading = {**LOADING, "strain_rate_per_s": in_file * 2e-3}
         if control == "strain_series":
             knots = [[0.0, 0.0], [0.5, in_file * 1e-3]]
-            loading = {"control": control, "start_time": 0.0, "end_time": 0.5, "knots": knots}
+            loading = stage(0.5, control, knots=knots)
         test = history(
             [loading, HELD],
             {"time": TIME, "stress": MODULUS},
@@ -104,14 +77,14 @@ class TestStressesThatOpposeTheLoading:
     def test_are_not_found_in_cycles(self) -> None:
         time = np.linspace(1.0, 3000.0, 300)
         angle = 2 * np.pi * time / 700.0
-        series = {"control": "strain_series", "start_time": 0.0, "end_time": 3000.0}
+        series = stage(3000.0, "strain_series")
         for lag in (0.0, 0.7, 1.5):
             columns = {"time": time, "strain": 1e-4 * np.sin(angle), "stress": np.sin(angle + lag)}
             test = history([series], columns, {"stress_unit": "MPa", "strain_unit": "fraction"})
             assert not any("Most" in notice for notice in test.notices)
 
 
-CREEP = {"control": "stress", "start_time": 0.0, "end_time": 3000.0, "stress": 2.0}
+CREEP = stage(3000.0, "stress", stress=2.0)
 
 
 def test_engineering_measures_say_to_which_length_the_sample_goes() -> None:

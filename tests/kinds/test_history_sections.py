@@ -1,13 +1,12 @@
 """Microstructure measured along loading histories: tables in files, places, simulated tests."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 from conftest import ICE
+from history_files import history
 from history_twins import TRUTH, history_twin
-from refusals import written
 
 from pyburgers.common.errors import InputError
 from pyburgers.drawing.view import view_of
@@ -16,78 +15,12 @@ from pyburgers.kinds.constant_rate.likelihood import LIKELIHOOD as CONSTANT_RATE
 from pyburgers.kinds.experiment import MeasuredMicrostructure, Stated
 from pyburgers.kinds.forward import simulate, simulate_data
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
-from pyburgers.kinds.loading_history.files import load_loading_history
 from pyburgers.kinds.loading_history.stan_data import section_times, solver_outputs
 from pyburgers.kinds.loading_history.stan_data import tests_block as block_of
 from pyburgers.kinds.problem import problem_of
 from pyburgers.model.priors import default_priors
 from pyburgers.model.variants import with_variant
 
-HEAD = """\
-id = "creep"
-material = "ice"
-protocol = "loading_history"
-temperature_K = 263.0
-initial_grain_size_m = 1e-3
-stage_time_unit = "min"
-stage_stress_unit = "MPa"
-"""
-
-STAGES = """
-[[stages]]
-control = "strain_rate"
-start_time = 2
-end_time = 12
-strain_rate_per_s = 1e-4
-
-[[stages]]
-control = "hold_strain"
-start_time = 12
-end_time = 20
-"""
-
-CREEP = """
-[[stages]]
-control = "stress"
-start_time = 20
-end_time = 62
-stress = 2.0
-"""
-
-TAIL = """
-[data]
-file = "table.csv"
-time_column = "time"
-time_unit = "min"
-stress_column = "stress"
-stress_unit = "MPa"
-strain_column = "strain"
-strain_unit = "percent"
-
-[[microstructure]]
-strain = 3.0
-grain_size_m = 800e-6
-grain_size_sd_m = 40e-6
-
-[[microstructure]]
-time = 19.5
-grain_size_m = 700e-6
-grain_size_sd_m = 35e-6
-
-[[microstructure]]
-time = "end"
-grain_size_m = 650e-6
-grain_size_sd_m = 30e-6
-fabric_factor = 0.8
-fabric_factor_sd = 0.05
-
-[provenance]
-kind = "measured"
-source = "Somebody (2020)"
-"""
-
-ROWS = "time,stress,strain\n5,1.5,2\n12,2.0,6\n15,1.2,\n20.5,2.0,6.1\n40,2.0,7\n62,2.0,8\n"
-TEXT = HEAD + STAGES + CREEP + TAIL
 MEASURED = (
     MeasuredMicrostructure(0.03, 800e-6, 40e-6),
     MeasuredMicrostructure(None, 700e-6, 35e-6, time=1050.0),
@@ -96,9 +29,28 @@ MEASURED = (
 PIEZOMETER = {"grain_size": "piezometric"}
 
 
-def test_places_are_in_the_units_of_the_file(tmp_path: Path) -> None:
-    test = load_loading_history(written(tmp_path / "test.toml", TEXT, (), {"table": ROWS}))
-    assert [one.time for one in test.microstructure] == [None, 1050.0, 3600.0]
+def test_places_are_in_the_units_of_the_file() -> None:
+    fabric = {"fabric_factor": 0.8, "fabric_factor_sd": 0.05}
+    test = history(
+        [
+            {"control": "strain_rate", "start_time": 2, "end_time": 12, "strain_rate_per_s": 1e-4},
+            {"control": "hold_strain", "start_time": 12, "end_time": 20},
+            {"control": "stress", "start_time": 20, "end_time": 62, "stress": 2.0},
+        ],
+        {
+            "time": np.array([5, 12, 15, 20.5, 40, 62]),
+            "stress": np.array([1.5, 2.0, 1.2, 2.0, 2.0, 2.0]),
+            "strain": np.array([2, 6, 6, 6.1, 7, 8]),
+        },
+        {"time_unit": "min", "stress_unit": "MPa", "strain_unit": "percent"},
+        stage_time_unit="min",
+        stage_stress_unit="MPa",
+        microstructure=[
+            {"strain": 3.0, "grain_size_m": 800e-6, "grain_size_sd_m": 40e-6},
+            {"time": 19.5, "grain_size_m": 700e-6, "grain_size_sd_m": 35e-6},
+            {"time": "end", "grain_size_m": 650e-6, "grain_size_sd_m": 30e-6, **fabric},
+        ],
+    )
     assert test.microstructure == MEASURED
     fact = dict(view_of(test).facts(test))["Measured microstructure"]
     assert "800 ± 40 µm at a path strain of 3 %" in fact

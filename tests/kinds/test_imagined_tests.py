@@ -13,6 +13,7 @@ from conftest import ICE
 from history_twins import BACKSTRESS, THIRD, TRUTH, history_twin
 from refusals import written
 from same_contents import assert_equal
+from truths import truth_of
 
 from pyburgers.cli.main import main
 from pyburgers.common.errors import InputError
@@ -127,8 +128,7 @@ def simulated(
 @pytest.fixture(scope="module")
 def parameters() -> dict[str, float]:
     twin = load_experiment(TWIN)
-    assert twin.true_parameters is not None
-    return dict(twin.true_parameters)
+    return truth_of(twin)
 
 
 @pytest.mark.usefixtures("programs")

@@ -4,13 +4,13 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 import pytest
 import xarray as xr
 from conftest import DUNITE
 from history_twins import history_twin
 
+from pyburgers.common.array_types import FloatArray
 from pyburgers.drawing.views.creep import minimum_rate_table, minimum_rates
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment, creep_intervals
 from pyburgers.kinds.loading_history.files import load_loading_history
@@ -18,7 +18,6 @@ from pyburgers.kinds.loading_history.likelihood import LIKELIHOOD
 from pyburgers.kinds.loading_history.stages import Stage
 from pyburgers.model.priors import PriorSet, default_priors
 
-FloatArray = npt.NDArray[np.float64]
 Rates = Callable[[FloatArray], FloatArray]
 
 HOUR = 3600.0

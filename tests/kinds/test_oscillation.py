@@ -3,9 +3,9 @@
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 
+from pyburgers.common.array_types import FloatArray
 from pyburgers.common.errors import InputError
 from pyburgers.drawing.views.forced_oscillation import preparation
 from pyburgers.kinds.forced_oscillation.preparation import (
@@ -15,8 +15,6 @@ from pyburgers.kinds.forced_oscillation.preparation import (
     prepare,
     strain_shares,
 )
-
-FloatArray = npt.NDArray[np.float64]
 
 PERIOD = 300.0
 OMEGA = 2 * np.pi / PERIOD

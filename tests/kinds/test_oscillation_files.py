@@ -1,5 +1,9 @@
-"""Files of forced oscillation tests: what is read, what is refused, what is written."""
+"""Files of forced oscillation tests: what is chosen, and both backgrounds.
 
+What files say otherwise is in tests/messages/forced_oscillation.toml.
+"""
+
+import io
 import re
 from collections.abc import Callable
 from dataclasses import replace
@@ -7,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 from conftest import ICE
 from refusals import refusal, written
@@ -49,12 +54,6 @@ stress_uncertainty_column = "sd"
 [provenance]
 kind = "synthetic"
 source = "Somebody (2020)"
-
-[metadata]
-operator = "somebody"
-
-[true_parameters]
-stress_exponent = 3.2
 """
 
 Write = Callable[..., Path]
@@ -65,18 +64,14 @@ REMOVED = ("period_s = 300.0", 'period_s = 300.0\nbackground = "removed"')
 def strain_csv() -> str:
     time = np.arange(0.0, 1500.0, 10.0)
     percent = 0.2 * np.sin(2 * np.pi * time / 300) + 5e-4 * time
-    rows = [f"{t},{e!r}" for t, e in zip(time, percent.tolist(), strict=True)]
-    return "\n".join(["time,strain", *rows]) + "\n"
+    return pd.DataFrame({"time": time, "strain": percent}).to_csv(index=False)
 
 
 def stress_csv() -> str:
     time = np.arange(5.0, 1500.0, 25.0)
     stress = 150 + 50 * np.sin(2 * np.pi * time / 300 + 0.5) + 0.003 * time
-    rows = [
-        f"{t / 60!r},{s!r},{4 + 0.01 * k!r}"
-        for k, (t, s) in enumerate(zip(time.tolist(), stress.tolist(), strict=True))
-    ]
-    return "\n".join(["time,stress,sd", *rows]) + "\n"
+    columns = {"time": time / 60, "stress": stress, "sd": 4 + 0.01 * np.arange(time.size)}
+    return pd.DataFrame(columns).to_csv(index=False)
 
 
 @pytest.fixture
@@ -91,31 +86,14 @@ def write(tmp_path: Path) -> Write:
 
 
 class TestReading:
-    def test_everything_is_converted_to_si(self, write: Write) -> None:
-        experiment = load_forced_oscillation(write())
-        record = experiment.record
-        np.testing.assert_allclose(record.strain_time[:3], [0, 10, 20])
-        np.testing.assert_allclose(record.stress_time[:3], [5, 30, 55])
-        time = record.strain_time
-        np.testing.assert_allclose(
-            record.strain, 2e-3 * np.sin(2 * np.pi * time / 300) + 5e-6 * time, atol=1e-15
-        )
-        np.testing.assert_allclose(record.strain_uncertainty, 2e-5)
-        np.testing.assert_allclose(record.stress_uncertainty[:3], [4e6, 4.01e6, 4.02e6])
-        assert experiment.true_parameters == {"stress_exponent": 3.2}
-        assert experiment.metadata == {"operator": "somebody"}
-        assert experiment.notices == ()
-
     def test_time_stamps_of_two_files_have_no_common_zero(self, write: Write) -> None:
-        def stamped(text: str, minutes: float) -> str:
-            head, *lines = text.splitlines()
-            cells = [line.split(",", 1) for line in lines]
-            seconds = [round(60 * minutes * float(time), 3) for time, _ in cells]
-            clocks = [f"9:{int(t // 60):02}:{t % 60:06.3f}" for t in seconds]
-            rows = [",".join([clock, rest]) for clock, (_, rest) in zip(clocks, cells, strict=True)]
-            return "\n".join([head, *rows]) + "\n"
+        def stamped(text: str, unit: float) -> str:
+            table = pd.read_csv(io.StringIO(text))
+            since = pd.to_timedelta(unit * table["time"], unit="s")
+            clock = (pd.Timestamp("2024-03-01 09:00") + since).dt.strftime("%H:%M:%S.%f")
+            return table.assign(time=clock).to_csv(index=False)
 
-        strain, stress = stamped(strain_csv(), 1 / 60), stamped(stress_csv(), 1)
+        strain, stress = stamped(strain_csv(), 1.0), stamped(stress_csv(), 60.0)
         seconds = ('stress_time_unit = "min"', 'stress_time_unit = "s"')
         text = refusal(write(seconds, strain=strain, stress=stress))
         assert "holds time stamps, expected times in seconds, because another file counts" in text
@@ -157,8 +135,11 @@ class TestReading:
         np.testing.assert_array_equal(experiment.stress, experiment.record.stress)
 
     def test_columns_by_number_of_a_file_between_spaces(self, write: Write) -> None:
-        rows = [line.split(",") for line in stress_csv().splitlines()[1:]]
-        both = "\n".join(f"{t} {float(t) * 1e-3} {s} 4" for t, s, _ in rows)
+        table = pd.read_csv(io.StringIO(stress_csv()))
+        columns = table.assign(strain=1e-3 * table["time"], sd=4)[
+            ["time", "strain", "stress", "sd"]
+        ]
+        both = columns.to_csv(index=False, header=False, sep=" ")
         path = write(
             ("[data]", '[data]\nseparator = "whitespace"\nheader = false'),
             ("strain.csv", "stress.csv"),
@@ -172,6 +153,7 @@ class TestReading:
         record = load_forced_oscillation(path).record
         np.testing.assert_allclose(record.strain_time, record.stress_time)
         np.testing.assert_allclose(record.stress_uncertainty, 4e6)
+        np.testing.assert_allclose(record.strain_uncertainty, 2e-5)
 
 
 class TestWithBackground:

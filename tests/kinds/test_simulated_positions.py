@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 from kind_examples import EXAMPLES
+from truths import truth_of
 
 from pyburgers.common.errors import InputError
 from pyburgers.kinds.experiment import Experiment
@@ -48,23 +49,21 @@ def test_positions_that_a_test_does_not_have_are_refused(
     protocol: str, at: list[Any], found: str
 ) -> None:
     test = example(protocol)
-    assert test.true_parameters is not None
     with pytest.raises(InputError, match=f"^{test.id}: at: {found}.* {SPANS[protocol]}$"):
-        simulate(test, test.true_parameters, at=at)
+        simulate(test, truth_of(test), at=at)
 
 
 @pytest.mark.usefixtures("programs")
 @pytest.mark.parametrize("protocol", SPANS)
 def test_a_test_has_a_solution_up_to_its_ends(protocol: str) -> None:
     test, kind = example(protocol), likelihoods()[protocol]
-    assert test.true_parameters is not None
-    curve = simulate(test, test.true_parameters)
-    again = simulate(test, test.true_parameters, at=kind.output_grid(test))
+    curve = simulate(test, truth_of(test))
+    again = simulate(test, truth_of(test), at=kind.output_grid(test))
     np.testing.assert_array_equal(again, curve)
-    ends = simulate(test, test.true_parameters, at=np.array(test.span))
+    ends = simulate(test, truth_of(test), at=np.array(test.span))
     np.testing.assert_array_equal(ends[kind.clock.column], test.span)
     low, high = (ends[kind.read[0].column].iloc[k] for k in (0, -1))
     assert np.isfinite([low, high]).all()
     # Rounding beside an end is that end.
-    beside = simulate(test, test.true_parameters, at=np.array([test.span[1] * (1 + 1e-12)]))
+    beside = simulate(test, truth_of(test), at=np.array([test.span[1] * (1 + 1e-12)]))
     assert beside[kind.read[0].column].iloc[-1] == pytest.approx(high, rel=1e-9)

@@ -12,6 +12,7 @@ from matplotlib.patches import StepPatch
 from scipy import integrate, stats
 from synthetic_fit import FEW, make_fit, make_prior, uniform
 from synthetic_olivine_fit import make_olivine_fit, redrawn
+from truths import truth_of
 
 from pyburgers.drawing.style import few_ticks_of_decades, style
 from pyburgers.fitting.fit import Fit
@@ -197,8 +198,7 @@ def test_a_panel_over_decades_has_the_logarithm_and_the_truth_in_it(tmp_path: Pa
     )
     (panel,) = (axes for axes in prior_posterior(fit).axes if "eta_K" in axes.get_xlabel())
     assert "log" in panel.get_xlabel()
-    assert fit.experiment.true_parameters is not None
-    truth = np.log10(fit.experiment.true_parameters["kelvin_viscosity"])
+    truth = np.log10(truth_of(fit.experiment)["kelvin_viscosity"])
     (line,) = (one for one in panel.lines if one.get_linestyle() == "--")
     assert np.asarray(line.get_xdata()).tolist() == pytest.approx([truth, truth])
     low, high = panel.get_xlim()

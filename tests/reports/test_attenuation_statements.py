@@ -6,7 +6,6 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 import xarray as xr
 from maor.attenuation import (
@@ -25,9 +24,8 @@ from maor.statements import (
 )
 from synthetic_fit import make_experiment, make_priors
 
+from pyburgers.common.array_types import FloatArray
 from pyburgers.fitting.prior_draws import PriorDraws
-
-FloatArray = npt.NDArray[np.float64]
 
 GAS_CONSTANT = 8.314462618
 TEMPERATURE = 260.0

@@ -6,7 +6,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 import xarray as xr
 from known import make_known
@@ -19,12 +18,11 @@ from maor.statements import Statement, Verdict
 from synthetic_fit import make_fit, uniform
 from synthetic_olivine_fit import make_olivine_fit, normal, oscillating, redrawn
 
+from pyburgers.common.array_types import FloatArray
 from pyburgers.drawing.views.oscillation_response import predicted_response
 from pyburgers.fitting.fit import Fit
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, RateSegment
 from pyburgers.model.priors import PriorSet
-
-FloatArray = npt.NDArray[np.float64]
 
 
 @pytest.fixture(scope="module")

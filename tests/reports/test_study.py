@@ -43,6 +43,7 @@ from study import (
 )
 from synthetic_fit import TRUTH, make_fit, with_problem
 from synthetic_olivine_fit import make_olivine_fit
+from truths import truth_of
 
 from pyburgers.common.draws import all_draws
 from pyburgers.drawing.page_parts import PageSection
@@ -219,8 +220,7 @@ def test_the_page_says_what_removing_the_background_changes(
     assert f"oscillates by {prepared.stress_fit.amplitude()[0] / 1e6:.0f} MPa" in text
     # The true state is that of the model at the true parameters.
     experiment = olivine["kept"].experiment
-    assert experiment.true_parameters is not None
-    solution = simulate(experiment, experiment.true_parameters)
+    solution = simulate(experiment, truth_of(experiment))
     assert saved["truth"]["grain size at the end"] == pytest.approx(
         float(solution["grain_size_m"].iloc[-1]), rel=1e-6
     )

@@ -12,6 +12,7 @@ from conftest import ICE, resolved_priors, with_fixed
 from scipy import stats
 from stan_data import one_test_data
 from synthetic_fit import make_fit
+from truths import truth_of
 
 from pyburgers.cmdstan.program import load_program
 from pyburgers.common.atomic_files import write_json
@@ -62,8 +63,7 @@ def test_simulated_data_are_the_solution_at_a_prior_draw_with_noise(programs: No
     )
     np.testing.assert_array_equal(test.response, again.response)
     assert test.provenance.kind == "synthetic"
-    truth = test.true_parameters
-    assert truth is not None
+    truth = truth_of(test)
     solution = simulate(experiment, truth, at=np.unique(experiment.strain))
     stress = np.interp(experiment.strain, solution["strain"], solution["stress_Pa"])
     deviation = (test.response - stress) / truth["stress_noise"]
@@ -362,8 +362,7 @@ def test_a_chain_that_the_system_killed_is_run_again(
 
 
 def test_ranks_count_the_draws_below_the_truth(small_fit: Fit) -> None:
-    truth = small_fit.experiment.true_parameters
-    assert truth is not None
+    truth = truth_of(small_fit.experiment)
     draws = small_fit.posterior["posterior"].to_dataset()["maxwell_modulus"].to_numpy().ravel()
     simulated = Simulated(small_fit.problem, {}, 0, 0)
     ranks = rank_truth(small_fit, simulated, small_fit.problem, draws.size)

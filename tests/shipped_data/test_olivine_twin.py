@@ -7,6 +7,7 @@ from types import ModuleType
 import numpy as np
 import pytest
 from data_script import data_script
+from truths import truth_of
 
 from pyburgers.drawing.views.oscillation_response import observed_response
 from pyburgers.kinds.forced_oscillation.experiment import OscillationExperiment, with_background
@@ -112,16 +113,14 @@ class TestFiles:
         assert twin.notices == ()
         assert twin.temperature == 1423
         assert twin.initial_grain_size == 10e-6
-        assert twin.true_parameters is not None
         names = [*(parameter.name for parameter in PARAMETERS), *PIEZOMETER]
-        assert list(twin.true_parameters) == names
-        for name, value in twin.true_parameters.items():
+        assert list(truth_of(twin)) == names
+        for name, value in truth_of(twin).items():
             assert value == getattr(generator.TRUTH, name)
 
     def test_the_truth_lies_inside_the_priors(self, twin: OscillationExperiment) -> None:
         priors = default_priors("olivine").resolved(float(np.max(np.abs(twin.record.stress))))
-        assert twin.true_parameters is not None
-        for parameter, value in twin.true_parameters.items():
+        for parameter, value in truth_of(twin).items():
             prior = priors[parameter]
             if prior.family == "fixed":
                 assert value == pytest.approx(prior.location, rel=1e-12)

@@ -8,17 +8,17 @@ from types import ModuleType
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 import pytest
 from data_script import data_script
 from independent_table import PEAKS, STRAIN_RATES, STRESS_OF_FAST, TRUTHS
+from truths import truth_of
 
+from pyburgers.common.array_types import FloatArray
 from pyburgers.kinds.constant_rate.files import load_constant_rate
 from pyburgers.model.parameters import PARAMETERS
 from pyburgers.model.priors import default_priors
 
-FloatArray = npt.NDArray[np.float64]
 ICE = Path(__file__).parents[2] / "data" / "ice"
 
 # Published conditions (Qi and Goldsby 2021): 1/s, MPa.
@@ -164,8 +164,7 @@ class TestTwinFiles:
     def test_they_say_that_they_are_synthetic_and_know_their_truth(self, name: str) -> None:
         experiment = load_constant_rate(ICE / f"{name}.toml")
         assert experiment.provenance.kind == "synthetic"
-        assert experiment.true_parameters is not None
-        assert list(experiment.true_parameters) == [parameter.name for parameter in PARAMETERS]
+        assert list(truth_of(experiment)) == [parameter.name for parameter in PARAMETERS]
         assert experiment.notices == ()
         assert 60 <= experiment.n_points <= 100
         assert experiment.temperature == 260
@@ -174,8 +173,7 @@ class TestTwinFiles:
     def test_the_truth_lies_inside_the_priors(self, name: str) -> None:
         experiment = load_constant_rate(ICE / f"{name}.toml")
         priors = default_priors("ice").resolved(float(np.max(experiment.stress)))
-        assert experiment.true_parameters is not None
-        for parameter, value in experiment.true_parameters.items():
+        for parameter, value in truth_of(experiment).items():
             share = priors[parameter].distribution().cdf(value)
             assert 1e-3 < share < 1 - 1e-3, parameter
 

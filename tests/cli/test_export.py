@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-import xarray as xr
 from conftest import ICE
 from refusals import CommandLine
+from synthetic_olivine_fit import redrawn
 
 from pyburgers.cli.main import main
 from pyburgers.fitting.fit import Fit
@@ -62,11 +62,9 @@ def test_what_is_left_out_is_of_a_test_or_its_readings() -> None:
 
 def test_what_is_fixed_has_its_value_and_no_spread(small_fit: Fit) -> None:
     """Of numbers such as 0.55 the mean of equal draws is another, and their variance is not 0."""
-    draws = small_fit.posterior["posterior"].to_dataset()
     fixed = {"grain_size_exponent": 0.55, "beta": -7.29e-4}
-    known = draws.assign({name: xr.full_like(draws[name], value) for name, value in fixed.items()})
-    posterior = xr.DataTree.from_dict({**small_fit.posterior.to_dict(), "/posterior": known})
-    one = exported(replace(small_fit, posterior=posterior))
+    draws = {name: np.full((2, 100), value) for name, value in fixed.items()}
+    one = exported(redrawn(small_fit, **draws))
     for name, value in fixed.items():
         place = one.names.index(name)
         assert one.mean[place] == value
@@ -102,16 +100,10 @@ def test_latex_is_a_table_with_a_row_for_each(
 def test_exports_say_which_quantities_mean_and_covariance_do_not_describe(
     small_fit: Fit,
 ) -> None:
-    posterior = small_fit.posterior.copy()
-    group = posterior["posterior"].to_dataset()
-    spread = np.exp(np.random.default_rng(1).normal(size=group["kelvin_viscosity"].shape))
-    wide = group.assign(kelvin_viscosity=group["kelvin_viscosity"] * spread)
-    posterior["posterior"] = xr.DataTree(wide)
-    (told,) = [
-        note
-        for note in exported(replace(small_fit, posterior=posterior)).notes
-        if "use draws" in note
-    ]
+    viscosity = small_fit.posterior["posterior"]["kelvin_viscosity"].to_numpy()
+    spread = np.exp(np.random.default_rng(1).normal(size=viscosity.shape))
+    wide = redrawn(small_fit, kelvin_viscosity=viscosity * spread)
+    (told,) = [note for note in exported(wide).notes if "use draws" in note]
     assert told == (
         "Mean and covariance are not enough for a positive quantity with a standard deviation "
         "above half of its mean (kelvin_viscosity): use draws (sample)."

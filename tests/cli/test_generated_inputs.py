@@ -13,6 +13,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import pytest
 import tomli_w
@@ -87,7 +88,16 @@ def _readers() -> Iterator[Reader]:
             yield Reader(path, load_priors)
 
 
+def _data_of(reader: Reader) -> dict[str, Any] | None:
+    table: dict[str, Any] = tomllib.loads(reader.file.read_text(encoding="utf-8"))
+    return table.get("data")
+
+
 READERS = tuple(_readers())
+WITH_DATA = [reader for reader in READERS if _data_of(reader) is not None]
+WITH_ONE_TABLE = {
+    reader.file.name: reader for reader in WITH_DATA if "file" in (_data_of(reader) or {})
+}
 PARAMETERS = {
     name: value
     for reader in READERS
@@ -156,20 +166,15 @@ def check(read: Callable[[Path], object], folder: Path, name: str, content: byte
     assert (folder / name).read_bytes() == content
 
 
-def examples(number: int) -> Callable[[Callable[[st.DataObject], None]], Callable[[], None]]:
-    """Make a test of a function of drawn data, the same at every run."""
-
-    def decorate(function: Callable[[st.DataObject], None]) -> Callable[[], None]:
-        wrapped = settings(
-            max_examples=number,
-            deadline=None,
-            database=None,
-            suppress_health_check=list(HealthCheck),
-        )(given(st.data())(function))
-        test: Callable[[], None] = seed(20)(wrapped)
-        return test
-
-    return decorate
+def run_examples(function: Callable[[st.DataObject], None], number: float) -> None:
+    """Run a function of drawn data so many times, the same at every run."""
+    examples = settings(
+        max_examples=int(number),
+        deadline=None,
+        database=None,
+        suppress_health_check=list(HealthCheck),
+    )(given(st.data())(function))
+    seed(20)(examples)()
 
 
 @contextmanager
@@ -181,55 +186,37 @@ def folder_with(files: Sequence[Path]) -> Iterator[Path]:
         yield Path(name)
 
 
-def changed_keys(number: int) -> None:
-    @examples(number)
-    def run(data: st.DataObject) -> None:
-        reader = data.draw(st.sampled_from(READERS))
-        table = tomllib.loads(reader.file.read_text(encoding="utf-8"))
-        changed = data.draw(changed_tables(table))
-        try:
-            text = tomli_w.dumps(changed)
-        except (ValueError, TypeError):  # not what TOML holds
-            assume(False)
-        with folder_with(reader.beside) as folder:
-            read = data.draw(st.sampled_from([reader.read, check_file]))
-            check(read, folder, reader.file.name, text.encode())
-
-    run()
+def changed_keys(data: st.DataObject) -> None:
+    reader = data.draw(st.sampled_from(READERS))
+    table = tomllib.loads(reader.file.read_text(encoding="utf-8"))
+    changed = data.draw(changed_tables(table))
+    try:
+        text = tomli_w.dumps(changed)
+    except (ValueError, TypeError):  # not what TOML holds
+        assume(False)
+    with folder_with(reader.beside) as folder:
+        read = data.draw(st.sampled_from([reader.read, check_file]))
+        check(read, folder, reader.file.name, text.encode())
 
 
-def changed_files(number: int) -> None:
-    @examples(number)
-    def run(data: st.DataObject) -> None:
-        reader = data.draw(st.sampled_from(READERS))
-        content = data.draw(changed_bytes(reader.file.read_bytes()))
-        with folder_with(reader.beside) as folder:
-            check(reader.read, folder, reader.file.name, content)
-
-    run()
+def changed_files(data: st.DataObject) -> None:
+    reader = data.draw(st.sampled_from(READERS))
+    content = data.draw(changed_bytes(reader.file.read_bytes()))
+    with folder_with(reader.beside) as folder:
+        check(reader.read, folder, reader.file.name, content)
 
 
-def changed_columns(number: int) -> None:
-    with_columns = [
-        reader
-        for reader in READERS
-        if "data" in tomllib.loads(reader.file.read_text(encoding="utf-8"))
-    ]
-
-    @examples(number)
-    def run(data: st.DataObject) -> None:
-        reader = data.draw(st.sampled_from(with_columns))
-        text = reader.file.read_text(encoding="utf-8")
-        named = [file for file in reader.beside if f'"{file.name}"' in text]
-        assume(named)
-        changed = data.draw(st.sampled_from(named))
-        content = data.draw(changed_bytes(changed.read_bytes()))
-        others = [file for file in reader.beside if file != changed]
-        with folder_with([*others, reader.file]) as folder:
-            read = data.draw(st.sampled_from([reader.read, check_file]))
-            check(lambda _: read(folder / reader.file.name), folder, changed.name, content)
-
-    run()
+def changed_columns(data: st.DataObject) -> None:
+    reader = data.draw(st.sampled_from(WITH_DATA))
+    text = reader.file.read_text(encoding="utf-8")
+    named = [file for file in reader.beside if f'"{file.name}"' in text]
+    assume(named)
+    changed = data.draw(st.sampled_from(named))
+    content = data.draw(changed_bytes(changed.read_bytes()))
+    others = [file for file in reader.beside if file != changed]
+    with folder_with([*others, reader.file]) as folder:
+        read = data.draw(st.sampled_from([reader.read, check_file]))
+        check(lambda _: read(folder / reader.file.name), folder, changed.name, content)
 
 
 def _read_table(path: Path) -> None:
@@ -243,44 +230,34 @@ def _read_table(path: Path) -> None:
         assert isinstance(table.described(column), str)
 
 
-def tables(number: int) -> None:
+def tables(data: st.DataObject) -> None:
     """Tables of any layout, read by themselves and as the columns that a test names."""
     alone: dict[str, Callable[[Path], object]] = {
         "table.csv": _read_table,
         "points.csv": load_measured_attenuation,
         "ranks.csv": partial(read_replication_table, n_draws=19),
     }
-    tests = {
-        reader.file.name: reader
-        for reader in READERS
-        if "file" in tomllib.loads(reader.file.read_text(encoding="utf-8")).get("data", {})
+    columns, content = data.draw(text_tables())
+    name = data.draw(st.sampled_from([*alone, *WITH_ONE_TABLE]))
+    if name in alone:
+        with folder_with([]) as folder:
+            check(alone[name], folder, name, content)
+        return
+    reader = WITH_ONE_TABLE[name]
+    table = tomllib.loads(reader.file.read_text(encoding="utf-8"))
+    described = {
+        key: data.draw(st.sampled_from(columns)) for key in table["data"] if "_column" in key
     }
-
-    @examples(number)
-    def run(data: st.DataObject) -> None:
-        columns, content = data.draw(text_tables())
-        name = data.draw(st.sampled_from([*alone, *tests]))
-        if name in alone:
-            with folder_with([]) as folder:
-                check(alone[name], folder, name, content)
-            return
-        reader = tests[name]
-        table = tomllib.loads(reader.file.read_text(encoding="utf-8"))
-        described = {
-            key: data.draw(st.sampled_from(columns)) for key in table["data"] if "_column" in key
-        }
-        table["data"] |= {"file": "table.csv", **described}
-        for key in data.draw(st.sets(st.sampled_from(["separator", "header"]))):
-            table["data"].pop(key, None)
-        with folder_with(reader.beside) as folder:
-            (folder / "table.csv").write_bytes(content)
-            read = data.draw(st.sampled_from([reader.read, check_file]))
-            check(read, folder, name, tomli_w.dumps(table).encode())
-
-    run()
+    table["data"] |= {"file": "table.csv", **described}
+    for key in data.draw(st.sets(st.sampled_from(["separator", "header"]))):
+        table["data"].pop(key, None)
+    with folder_with(reader.beside) as folder:
+        (folder / "table.csv").write_bytes(content)
+        read = data.draw(st.sampled_from([reader.read, check_file]))
+        check(read, folder, name, tomli_w.dumps(table).encode())
 
 
-def manifests(number: int) -> None:
+def manifests(data: st.DataObject) -> None:
     """Manifests of runs that were damaged, and strange ones that fit their seals."""
 
     def read(path: Path) -> None:
@@ -289,33 +266,24 @@ def manifests(number: int) -> None:
         recorded_modes(manifest, None)
         Fit.load(path.parent)
 
-    @examples(number)
-    def run(data: st.DataObject) -> None:
-        changed = data.draw(changed_tables(MANIFEST))
-        shown = json.dumps(sealed(json.loads(json.dumps(changed, default=str)))).encode()
-        if data.draw(st.booleans()):
-            shown = data.draw(changed_bytes(shown))
-        with folder_with([]) as folder:
-            check(read, folder, "manifest.json", shown)
-
-    run()
+    changed = data.draw(changed_tables(MANIFEST))
+    shown = json.dumps(sealed(json.loads(json.dumps(changed, default=str)))).encode()
+    if data.draw(st.booleans()):
+        shown = data.draw(changed_bytes(shown))
+    with folder_with([]) as folder:
+        check(read, folder, "manifest.json", shown)
 
 
-def other_files(number: int) -> None:
+def other_files(data: st.DataObject) -> None:
     files = {
         "parameters.json": (load_parameters, json.dumps(PARAMETERS, indent=1).encode()),
         "points.csv": (load_measured_attenuation, POINTS),
         "plan.toml": (load_campaign, PLAN.encode()),
     }
-
-    @examples(number)
-    def run(data: st.DataObject) -> None:
-        name = data.draw(st.sampled_from(sorted(files)))
-        read, content = files[name]
-        with folder_with([]) as folder:
-            check(read, folder, name, data.draw(changed_bytes(content)))
-
-    run()
+    name = data.draw(st.sampled_from(sorted(files)))
+    read, content = files[name]
+    with folder_with([]) as folder:
+        check(read, folder, name, data.draw(changed_bytes(content)))
 
 
 OPTIONS = {
@@ -358,29 +326,25 @@ WORDS = st.one_of(
 )
 
 
-def options(number: int) -> None:
-    @examples(number)
-    def run(data: st.DataObject) -> None:
-        command = data.draw(st.sampled_from(sorted(OPTIONS)))
-        arguments = [command]
-        if command == "predict":
-            arguments.append(data.draw(st.sampled_from(["attenuation", "test"])))
-        arguments.append(data.draw(st.sampled_from(TESTS) | WORDS))
-        for _ in range(data.draw(st.integers(0, 4))):
-            named = st.sampled_from(OPTIONS[command]) if OPTIONS[command] else WORDS
-            arguments += [data.draw(named), data.draw(WORDS)]
-        with folder_with([]) as folder, bounded():
-            os.chdir(folder)
-            try:
-                code = main(arguments)
-            except SystemExit as end:  # how argparse refuses
-                code = int(end.code or 0)
-            finally:
-                os.chdir(DATA)
-            assert code in (0, 1, 2)
-            assert not list(folder.iterdir())
-
-    run()
+def options(data: st.DataObject) -> None:
+    command = data.draw(st.sampled_from(sorted(OPTIONS)))
+    arguments = [command]
+    if command == "predict":
+        arguments.append(data.draw(st.sampled_from(["attenuation", "test"])))
+    arguments.append(data.draw(st.sampled_from(TESTS) | WORDS))
+    for _ in range(data.draw(st.integers(0, 4))):
+        named = st.sampled_from(OPTIONS[command]) if OPTIONS[command] else WORDS
+        arguments += [data.draw(named), data.draw(WORDS)]
+    with folder_with([]) as folder, bounded():
+        os.chdir(folder)
+        try:
+            code = main(arguments)
+        except SystemExit as end:  # how argparse refuses
+            code = int(end.code or 0)
+        finally:
+            os.chdir(DATA)
+        assert code in (0, 1, 2)
+        assert not list(folder.iterdir())
 
 
 @FEW_AND_ALL
@@ -396,9 +360,9 @@ def options(number: int) -> None:
     ],
 )
 def test_files_are_read_or_refused(
-    generate: Callable[[int], None], number: int, share: float
+    generate: Callable[[st.DataObject], None], number: int, share: float
 ) -> None:
-    generate(int(share * number))
+    run_examples(generate, share * number)
 
 
 @pytest.fixture
@@ -412,7 +376,7 @@ def without_stan(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
 def test_options_work_or_are_refused(
     share: float, without_stan: None, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    options(int(share * 2000))
+    run_examples(options, share * 2000)
 
 
 def test_every_command_is_tried_that_reads_files() -> None:

@@ -14,7 +14,31 @@ import pytest
 from sentences import documents
 
 import pyburgers
-from pyburgers import Fit
+from pyburgers import (
+    DesignPlan,
+    Fit,
+    InputError,
+    Regime,
+    SamplerOptions,
+    compare,
+    compare_by_test,
+    design,
+    export,
+    fit,
+    fit_rates,
+    flow_rate,
+    load_experiment,
+    load_rate_table,
+    plot,
+    plot_priors,
+    predict_attenuation,
+    prediction_figure,
+    prior_draws,
+    priors,
+    report,
+    shipped_folder,
+    task_of,
+)
 
 ROOT = Path(__file__).parents[2]
 BLOCK = re.compile(r"^```python\n(.*?)^```$", re.DOTALL | re.MULTILINE)
@@ -94,177 +118,142 @@ def other(value: object) -> Any:
     return value
 
 
-RATES = pyburgers.load_rate_table(
-    pyburgers.shipped_folder("data") / "ice" / "rates" / "fan_2020.toml"
-)
+RATES = load_rate_table(shipped_folder("data") / "ice" / "rates" / "fan_2020.toml")
 
 
 def resolved(stress: object, _: Fit) -> object:
-    return pyburgers.priors("ice").resolved(other(stress))
+    return priors("ice").resolved(other(stress))
 
 
 @pytest.mark.parametrize(
     ("call", "told"),
     [
+        (lambda run: fit(other("test.toml")), "experiments: found 'test.toml', expected a test"),
+        (lambda run: fit([]), "experiments: found none, expected a test or several"),
+        (lambda run: fit(other(run)), "experiments: found Fit, expected a test"),
+        (lambda run: fit(run.experiment, other("ice")), "priors: found 'ice', expected a set"),
         (
-            lambda fit: pyburgers.fit(other("test.toml")),
-            "experiments: found 'test.toml', expected a test",
-        ),
-        (lambda fit: pyburgers.fit([]), "experiments: found none, expected a test or several"),
-        (lambda fit: pyburgers.fit(other(fit)), "experiments: found Fit, expected a test"),
-        (
-            lambda fit: pyburgers.fit(fit.experiment, other("ice")),
-            "priors: found 'ice', expected a set",
-        ),
-        (
-            lambda fit: fit.predict(other("test.toml")),
+            lambda run: run.predict(other("test.toml")),
             "experiment: found 'test.toml', expected a test",
         ),
+        (lambda run: compare(other([run, run])), "fits: found list, expected fits by name"),
+        (lambda run: report(other("run"), "page"), "fits: found 'run', expected a list of fits"),
+        (lambda run: report([other("run")], "page"), "fits: found 'run', expected a fit"),
+        (lambda run: export(other("run"), "json"), "fit: found 'run', expected a fit"),
+        (lambda run: predict_attenuation(other("run")), "fit: found 'run', expected a fit"),
         (
-            lambda fit: pyburgers.compare(other([fit, fit])),
-            "fits: found list, expected fits by name",
-        ),
-        (
-            lambda fit: pyburgers.report(other("run"), "page"),
-            "fits: found 'run', expected a list of fits",
-        ),
-        (lambda fit: pyburgers.report([other("run")], "page"), "fits: found 'run', expected a fit"),
-        (lambda fit: pyburgers.export(other("run"), "json"), "fit: found 'run', expected a fit"),
-        (
-            lambda fit: pyburgers.predict_attenuation(other("run")),
-            "fit: found 'run', expected a fit",
-        ),
-        (
-            lambda fit: pyburgers.predict_attenuation(
-                fit, [0.1], other(pyburgers.Regime(1e6, 1e5))
-            ),
+            lambda run: predict_attenuation(run, [0.1], other(Regime(1e6, 1e5))),
             "regimes: found Regime, expected a list",
         ),
-        (lambda fit: fit.priors.with_(beta=-7e-4), "beta: found -0.0007, expected a prior"),
+        (lambda run: run.priors.with_(beta=-7e-4), "beta: found -0.0007, expected a prior"),
+        (lambda run: SamplerOptions(chains=other(2.5)), "chains: found 2.5, expected a whole"),
         (
-            lambda fit: pyburgers.SamplerOptions(chains=other(2.5)),
-            "chains: found 2.5, expected a whole",
-        ),
-        (
-            lambda fit: fit.predict(fit.experiment, draws=other(2.5)),
+            lambda run: run.predict(run.experiment, draws=other(2.5)),
             "draws: found 2.5, expected a whole number",
         ),
         (
-            lambda fit: pyburgers.export(fit, "aspect", grain_size=other("1e-3")),
+            lambda run: export(run, "aspect", grain_size=other("1e-3")),
             "grain_size: found '1e-3', expected a number",
         ),
+        (lambda _: Regime(other("1"), 2.0), "median_stress: found '1', expected a stress"),
+        (lambda _: load_experiment(other(5)), "path: found 5, expected the path of"),
         (
-            lambda _: pyburgers.Regime(other("1"), 2.0),
-            "median_stress: found '1', expected a stress",
-        ),
-        (lambda _: pyburgers.load_experiment(other(5)), "path: found 5, expected the path of"),
-        (
-            lambda fit: pyburgers.compare_by_test(other([fit, fit])),
+            lambda run: compare_by_test(other([run, run])),
             "joints: found list, expected fits by name",
         ),
         (
-            lambda _: pyburgers.compare_by_test({"one": other("run")}),
+            lambda _: compare_by_test({"one": other("run")}),
             "joints: one: found 'run', expected a fit",
         ),
         (
-            lambda fit: pyburgers.fit(fit.experiment, fit.priors, options=other({"chains": 2})),
+            lambda run: fit(run.experiment, run.priors, options=other({"chains": 2})),
             "options: found dict, expected options",
         ),
         (
-            lambda _: pyburgers.fit_rates(other(["table.toml"]), out="run"),
+            lambda _: fit_rates(other(["table.toml"]), out="run"),
             "tables: found 'table.toml', expected a table",
         ),
         (
-            lambda _: pyburgers.fit_rates(other("table.toml"), out="run"),
+            lambda _: fit_rates(other("table.toml"), out="run"),
             "tables: found 'table.toml', expected a table",
         ),
         (
-            lambda _: pyburgers.fit_rates(RATES, other("ice_composite"), out="run"),
+            lambda _: fit_rates(RATES, other("ice_composite"), out="run"),
             "law: found 'ice_composite', expected a law",
         ),
         (
-            lambda _: pyburgers.fit_rates(RATES, out="run", held_out="fan_2020"),
+            lambda _: fit_rates(RATES, out="run", held_out="fan_2020"),
             "held_out: found 'fan_2020', expected a list",
         ),
         (
-            lambda _: pyburgers.fit_rates(RATES, out="run", curve=other("ice")),
+            lambda _: fit_rates(RATES, out="run", curve=other("ice")),
             "curve: found 'ice', expected a set of priors",
         ),
         (
-            lambda _: pyburgers.fit_rates(RATES, out="run", more_draws=other("3")),
+            lambda _: fit_rates(RATES, out="run", more_draws=other("3")),
             "more_draws: found '3', expected a whole number",
         ),
         (
-            lambda fit: pyburgers.fit(fit.experiment, more_draws=100),
+            lambda run: fit(run.experiment, more_draws=100),
             "more_draws: found 100 without out, expected the folder of the run",
         ),
         (
-            lambda fit: pyburgers.task_of(fit.experiment, other("ice"), pyburgers.SamplerOptions()),
+            lambda run: task_of(run.experiment, other("ice"), SamplerOptions()),
             "priors: found 'ice', expected a set",
         ),
         (
-            lambda fit: pyburgers.task_of(fit.experiment, fit.priors, other({"chains": 2})),
+            lambda run: task_of(run.experiment, run.priors, other({"chains": 2})),
             "options: found dict, expected options",
         ),
         (
-            lambda fit: pyburgers.predict_attenuation(fit, [1], temperature=other([260, 270])),
+            lambda run: predict_attenuation(run, [1], temperature=other([260, 270])),
             "temperature: found list, expected one number",
         ),
         (
-            lambda fit: pyburgers.predict_attenuation(fit, [1], other([(1e6, 1e5)])),
+            lambda run: predict_attenuation(run, [1], other([(1e6, 1e5)])),
             "regimes: found tuple, expected stresses",
         ),
         (
-            lambda fit: pyburgers.export(fit, "tidalpy", regime=other((1e6, 1e5))),
+            lambda run: export(run, "tidalpy", regime=other((1e6, 1e5))),
             "regime: found tuple, expected stresses",
         ),
         (
-            lambda fit: pyburgers.export(fit, "json", draws=other(2.5)),
+            lambda run: export(run, "json", draws=other(2.5)),
             "draws: found 2.5, expected a whole number",
         ),
+        (lambda run: prediction_figure(other(run)), "prediction: found Fit, expected a prediction"),
+        (lambda _: plot(other("ice")), "experiment: found 'ice', expected a test"),
+        (lambda _: plot_priors(other("ice")), "priors: found 'ice', expected a set"),
         (
-            lambda fit: pyburgers.prediction_figure(other(fit)),
-            "prediction: found Fit, expected a prediction",
-        ),
-        (lambda _: pyburgers.plot(other("ice")), "experiment: found 'ice', expected a test"),
-        (lambda _: pyburgers.plot_priors(other("ice")), "priors: found 'ice', expected a set"),
-        (
-            lambda _: pyburgers.priors("ice").sample(np.random.default_rng(1)),
+            lambda _: priors("ice").sample(np.random.default_rng(1)),
             "stress_noise: found a prior that is a share of the largest stress, expected one in Pa",
         ),
         *(
             (partial(resolved, wrong), f"max_stress: found {found}, expected a")
             for wrong, found in (("2 MPa", "'2 MPa'"), (-2e6, "-2e+06 Pa"), (math.nan, "nan Pa"))
         ),
+        (lambda _: shipped_folder("foo"), "name: found 'foo', expected 'data' or 'stan'"),
+        (lambda _: fit_rates([], out="run"), "tables: found none, expected a table"),
         (
-            lambda _: pyburgers.shipped_folder("foo"),
-            "name: found 'foo', expected 'data' or 'stan'",
-        ),
-        (lambda _: pyburgers.fit_rates([], out="run"), "tables: found none, expected a table"),
-        (
-            lambda fit: pyburgers.design(fit, pyburgers.DesignPlan(("maxwell_modulus",), {})),
+            lambda run: design(run, DesignPlan(("maxwell_modulus",), {})),
             "candidates: found none, expected at least one",
         ),
         (
-            lambda fit: pyburgers.prior_draws(fit.experiment, fit.priors, draws=0),
+            lambda run: prior_draws(run.experiment, run.priors, draws=0),
             "draws: found 0, expected at least 1",
         ),
-        (lambda fit: fit.to_arviz(prior_draws=-1), "prior_draws: found -1, expected at least 0"),
-        (lambda fit: fit.experiment.to_toml("missing/x.toml"), "found no folder"),
+        (lambda run: run.to_arviz(prior_draws=-1), "prior_draws: found -1, expected at least 0"),
+        (lambda run: run.experiment.to_toml("missing/x.toml"), "found no folder"),
         (
-            lambda _: pyburgers.flow_rate(
-                {**LAW}, 1e6, temperature=other([260.0, 270.0]), grain_size=1e-3
-            ),
+            lambda _: flow_rate({**LAW}, 1e6, temperature=other([260.0, 270.0]), grain_size=1e-3),
             "temperature: found list, expected one number",
         ),
         (
-            lambda _: pyburgers.flow_rate(LAW, other("a"), temperature=263.0, grain_size=1e-3),
+            lambda _: flow_rate(LAW, other("a"), temperature=263.0, grain_size=1e-3),
             "stress: found 'a', expected numbers",
         ),
         (
-            lambda _: pyburgers.flow_rate(
-                LAW, [1e6, 2e6, 3e6], temperature=263.0, grain_size=[1e-3, 1e-2]
-            ),
+            lambda _: flow_rate(LAW, [1e6, 2e6, 3e6], temperature=263.0, grain_size=[1e-3, 1e-2]),
             "found the shapes (), (2,), (3,), expected ones that broadcast",
         ),
     ],
@@ -272,5 +261,5 @@ def resolved(stress: object, _: Fit) -> object:
 def test_an_argument_of_another_type_is_told(
     call: Callable[[Fit], object], told: str, small_fit: Fit
 ) -> None:
-    with pytest.raises(pyburgers.InputError, match=re.escape(told)):
+    with pytest.raises(InputError, match=re.escape(told)):
         call(small_fit)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from conftest import ICE, SMALL_RUN, Problem, search_little, with_fixed
 from history_twins import history_twin
+from page import html_of
 from test_prediction import creep
 from truths import truth_of
 
@@ -30,7 +31,6 @@ from pyburgers.kinds.stan_data import REFERENCE_SOLVER
 from pyburgers.kinds.together import default_priors_for, pooling_for
 from pyburgers.model.priors import default_priors
 from pyburgers.model.variants import check_variant, variant_of, with_variant
-from pyburgers.page.page import write_report
 
 ERROR = 3e4
 """Standard deviation of a reading (Pa)."""
@@ -246,8 +246,7 @@ def test_strain_that_a_fit_does_not_read_leaves_stress_its_discrepancy(
 def test_a_page_says_how_large_the_discrepancy_is(
     fits: Mapping[tuple[str, str], Fit], tmp_path: Path, sketched: None
 ) -> None:
-    page = write_report([fits["missed", "discrepancy"]], tmp_path, title="T", command="x")
-    text = page.read_text(encoding="utf-8")
+    text = html_of([fits["missed", "discrepancy"]], tmp_path)
     assert "the law misses the test by a discrepancy of" in text
     assert "discrepancy of the law over the reading error" in text
 

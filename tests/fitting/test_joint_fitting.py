@@ -11,6 +11,7 @@ import pytest
 from conftest import POOL, SMALL_RUN, Problem, pair_of
 from figure_texts import legend_texts
 from matplotlib.colors import rgb_to_hsv, to_hex, to_rgb
+from page import html_of
 
 import pyburgers
 from pyburgers.common.errors import InputError
@@ -26,7 +27,6 @@ from pyburgers.page.joint_section import (
     shown_pooling_table,
 )
 from pyburgers.page.names import joint_key, page_keys, page_names
-from pyburgers.page.page import write_report
 from pyburgers.page.tables import quoted_or_prior
 
 
@@ -120,14 +120,12 @@ def test_page_shows_joint_and_separate_fits(
     together = 1 / np.sqrt(np.sum(alone**-2.0))
     assert sd_ratios(table)["maxwell_modulus"] == pytest.approx(together / alone.mean(), rel=0.3)
     (key,), (name,) = page_keys([joint]), page_names([joint])
-    page = write_report(
+    page = html_of(
         [*joint.tests().values(), *separate],
         tmp_path / "report",
-        title="joint",
-        command="test",
         joints=[joint],
         extras=[joint_section(joint_key(key), name, joint, separate)],
-    ).read_text(encoding="utf-8")
+    )
     assert f"Joint fit {name}" in page
     assert "Standard deviation of each shared parameter" in page
     assert f"{name}, all tests together" in page

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from conftest import SMALL_RUN, with_fixed
 from oscillation_pair import oscillation_pair
+from page import html_of
 from truths import truth_of
 
 from pyburgers.fitting.fit import Fit, fit
 from pyburgers.model.priors import default_priors
 from pyburgers.page.joint_section import joint_section
 from pyburgers.page.names import page_names
-from pyburgers.page.page import write_report
 
 pytestmark = pytest.mark.slow
 
@@ -64,13 +64,8 @@ def test_the_truth_is_found(joint: Fit) -> None:
 
 
 def test_a_page_shows_both_records(joint: Fit, sketched: None, tmp_path: Path) -> None:
-    page = write_report(
-        list(joint.tests().values()),
-        tmp_path / "report",
-        title="joint",
-        command="test",
-        extras=[joint_section("joint", "both records", joint, [])],
-    ).read_text(encoding="utf-8")
+    section = joint_section("joint", "both records", joint, [])
+    page = html_of([*joint.tests().values()], tmp_path / "report", extras=[section])
     assert "Joint fit both records" in page
     (name,) = page_names([joint["record_2"]])
     assert name in page

@@ -9,7 +9,7 @@ import pytest
 from conftest import search_little, sketch_pictures, with_fixed
 from kind_examples import EXAMPLES
 from log_density import Program, assert_gradient_is_slope, program_with
-from page import Page
+from page import page_of
 from refusals import refusal
 from same_contents import assert_equal
 from scipy import stats
@@ -31,7 +31,6 @@ from pyburgers.kinds.program_data import density_of
 from pyburgers.kinds.stan_data import SolverOptions
 from pyburgers.model.parameters import PROGRAM_PARAMETERS
 from pyburgers.model.priors import default_priors
-from pyburgers.page.page import write_report
 from pyburgers.page.posterior_figures import figures_for
 from pyburgers.page.tables import truth_table
 from pyburgers.sampling.options import SamplerOptions
@@ -235,9 +234,7 @@ def test_a_fit_is_kept_and_shown(
     assert kept.summary("SI").equals(result.summary("SI"))
     assert_draws_are_labelled(kept, example.few)
     assert kept.posterior.attrs["protocol"] == kind
-    page = Page(
-        write_report([kept], tmp_path / "page", title="T", command="x").read_text(encoding="utf-8")
-    )
+    page = page_of([kept], tmp_path / "page")
     assert not page.open
     recipes = figures_for(kept)
     assert page.alternatives == [f"{recipe.title}, run: {recipe.result}" for recipe in recipes]

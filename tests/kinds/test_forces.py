@@ -14,6 +14,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from pyburgers.common.array_types import FloatArray
+from pyburgers.common.errors import InputError
 from pyburgers.kinds.forward import simulate
 from pyburgers.kinds.kind import save_experiment
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
@@ -203,3 +204,9 @@ def test_engineering_stresses_are_those_of_the_sample() -> None:
         **AT_CONDITIONS,
     )
     np.testing.assert_allclose(test.reading, stress, rtol=1e-12)
+
+
+def test_a_compliance_in_another_unit_is_refused() -> None:
+    columns = {"time": np.array([1.0, 3999.0]), "strain": np.array([0.1, 0.2])}
+    with pytest.raises(InputError, match=r"'compliance_per_Pa'.*check its unit"):
+        forced(STAGES["constant"], columns, apparatus={"compliance_per_Pa": 1.8e-3})

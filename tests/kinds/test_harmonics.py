@@ -40,6 +40,10 @@ def drift(time: FloatArray) -> FloatArray:
     return 5 + 3e-3 * time - 1e-6 * time**2
 
 
+def degree_of(time: FloatArray, value: FloatArray) -> int:
+    return choose_degree(time, value, period=PERIOD, uncertainty=np.full(time.size, NOISE))
+
+
 class TestFit:
     def test_a_series_of_the_fitted_form_is_recovered_exactly(self) -> None:
         time = times()
@@ -161,33 +165,22 @@ class TestDegree:
         found = []
         for seed in range(20):
             noise = NOISE * np.random.default_rng(seed).standard_normal(time.size)
-            found.append(
-                choose_degree(
-                    time,
-                    oscillation(time) + drift(time) + noise,
-                    period=PERIOD,
-                    uncertainty=np.full(time.size, NOISE),
-                )
-            )
+            found.append(degree_of(time, oscillation(time) + drift(time) + noise))
         assert found.count(2) >= 18
 
     def test_no_trend_is_invented(self) -> None:
         time = times()
         noise = NOISE * np.random.default_rng(4).standard_normal(time.size)
-        value, uncertainty = oscillation(time) + noise, np.full(time.size, NOISE)
-        assert choose_degree(time, value, period=PERIOD, uncertainty=uncertainty) == 0
+        assert degree_of(time, oscillation(time) + noise) == 0
 
     def test_two_cycles_leave_room_for_a_cubic_at_most(self) -> None:
         time = times(cycles=2.2)
         steep = oscillation(time) + 1e-11 * (time - 300) ** 5
-        uncertainty = np.full(time.size, NOISE)
-        assert choose_degree(time, steep, period=PERIOD, uncertainty=uncertainty) == 3
+        assert degree_of(time, steep) == 3
 
     def test_few_readings_bound_the_degree(self) -> None:
         time = times(cycles=4, interval=110)
-        uncertainty = np.full(time.size, NOISE)
-        degree = choose_degree(time, oscillation(time), period=PERIOD, uncertainty=uncertainty)
-        assert degree <= time.size - 8
+        assert degree_of(time, oscillation(time)) <= time.size - 8
 
 
 class TestPeriod:

@@ -3,6 +3,7 @@
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import attenuation_oracle
 import numpy as np
@@ -15,6 +16,7 @@ from refusals import written
 from same_contents import assert_equal
 from truths import truth_of
 
+import pyburgers
 from pyburgers.cli.main import main
 from pyburgers.common.errors import InputError
 from pyburgers.kinds.attenuation.files import load_attenuation
@@ -51,27 +53,6 @@ mean_strain_rate_per_s = 5e-6
 """
 )
 
-RECORD = """
-[oscillation]
-period_s = 300.0
-strain_trend_degree = 1
-start_stress_Pa = 150e6
-
-[data]
-strain_file = "strain.csv"
-strain_time_column = "time"
-strain_time_unit = "s"
-strain_column = "strain"
-strain_unit = "fraction"
-strain_uncertainty = 1e-9
-stress_file = "strain.csv"
-stress_time_column = "time"
-stress_time_unit = "s"
-stress_column = "stress"
-stress_unit = "MPa"
-stress_uncertainty = 1.0
-"""
-
 TABLE = (
     HEAD.format("attenuation")
     + """
@@ -91,24 +72,7 @@ periods_s = [1, 1000]
 """
 )
 
-MEASURED_TABLE = """
-[attenuation]
-deformation = "shear"
-poisson_ratio = 0.25
-
-[data]
-file = "table.csv"
-period_column = "period"
-period_unit = "s"
-temperature_column = "temperature"
-stress_unit = "MPa"
-median_stress_column = "median"
-amplitude_column = "amplitude"
-attenuation_column = "attenuation"
-attenuation_form = "tan_delta"
-modulus_column = "modulus"
-modulus_unit = "GPa"
-"""
+OLIVINE: dict[str, Any] = {"material": "olivine", "temperature_K": 1423.0, "grain_size_um": 10}
 
 
 TWIN = Path(__file__).parents[2] / "data" / "olivine" / "olivine_twin.toml"
@@ -127,8 +91,7 @@ def simulated(
 
 @pytest.fixture(scope="module")
 def parameters() -> dict[str, float]:
-    twin = load_experiment(TWIN)
-    return truth_of(twin)
+    return truth_of(load_experiment(TWIN))
 
 
 @pytest.mark.usefixtures("programs")
@@ -138,10 +101,20 @@ def test_imposed_cycles_are_a_record_of_the_same_strain(
     imagined = load_forced_oscillation(written(tmp_path / "one.toml", OSCILLATION, (), {}))
     time = np.linspace(0.0, 1500.0, 151)
     strain = 2e-3 * np.sin(2 * np.pi * time / 300) + 5e-6 * time
-    rows = [f"{t},{e!r},{150 + 1e4 * e!r}" for t, e in zip(time, strain.tolist(), strict=True)]
-    files = {"strain": "\n".join(["time,strain,stress", *rows])}
-    text = HEAD.format("forced_oscillation") + RECORD
-    recorded = load_forced_oscillation(written(tmp_path / "two.toml", text, (), files))
+    recorded = pyburgers.ForcedOscillation(
+        time=time,
+        time_unit="s",
+        strain=strain,
+        strain_unit="fraction",
+        stress=150 + 1e4 * strain,
+        stress_unit="MPa",
+        stress_uncertainty=1.0,
+        strain_uncertainty=1e-9,
+        strain_trend_degree=1,
+        period_s=300.0,
+        start_stress_Pa=150e6,
+        **OLIVINE,
+    )
     found = simulate(imagined, parameters)
     expected = simulate(recorded, parameters, at=found["time_s"].to_numpy())
     assert found["time_s"].iloc[-1] == 1500.0
@@ -265,12 +238,21 @@ def test_listed_spectra_are_the_rows_of_a_table(
     tmp_path: Path, parameters: dict[str, float]
 ) -> None:
     imagined = load_attenuation(written(tmp_path / "one.toml", TABLE, (), {}))
-    conditions = [(p, 1423, 0, 0.1) for p in (1, 10, 100)] + [(p, 1373, 1, 0.2) for p in (1, 1000)]
-    rows = [",".join(map(str, (*row, 0.1, 50))) for row in conditions]
-    header = "period,temperature,median,amplitude,attenuation,modulus"
-    files = {"table": "\n".join([header, *rows])}
-    text = HEAD.format("attenuation") + MEASURED_TABLE
-    measured = load_attenuation(written(tmp_path / "two.toml", text, (), files))
+    measured = pyburgers.AttenuationTable(
+        period=[1, 10, 100, 1, 1000],
+        period_unit="s",
+        stress_unit="MPa",
+        temperature=[1423] * 3 + [1373] * 2,
+        deformation="shear",
+        poisson_ratio=0.25,
+        median_stress=[0, 0, 0, 1, 1],
+        amplitude=[0.1] * 3 + [0.2] * 2,
+        attenuation=[0.1] * 5,
+        attenuation_form="tan_delta",
+        modulus=[50.0] * 5,
+        modulus_unit="GPa",
+        **OLIVINE,
+    )
     assert_equal(imagined.conditions, measured.conditions)
     at = measured.position
     found, expected = (simulate(one, parameters, at=at) for one in (imagined, measured))

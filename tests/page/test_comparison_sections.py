@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from page import Page
+from page import Page, page_of
 from refusals import CommandLine
 from synthetic_fit import make_fit, with_problem
 
@@ -27,7 +27,6 @@ from pyburgers.page.comparison_sections import (
     comparison_sections,
     flow_law_source_section,
 )
-from pyburgers.page.page import write_report
 from pyburgers.page.rate_section import least_squares_table, rate_section
 
 LAW = FlowLawPrior(
@@ -201,8 +200,7 @@ def test_all_parts_are_on_the_page_and_in_files(
     tmp_path: Path,
 ) -> None:
     extras = (rate_section(peaks), *sections)
-    file = write_report(fits, tmp_path, title="T", command="x", extras=extras)
-    page = Page(file.read_text(encoding="utf-8"))
+    page = page_of(fits, tmp_path, extras=extras)
     assert not page.open
     for extra in extras:
         assert extra.key in page.ids

@@ -6,11 +6,11 @@ import numpy as np
 import pandas as pd
 import pytest
 from matplotlib.figure import Figure
+from page import html_of
 from synthetic_fit import make_fit
 
 from pyburgers.drawing.figure_data import COLUMNS, figure_data
 from pyburgers.fitting.fit import Fit
-from pyburgers.page.page import write_report
 from pyburgers.page.posterior_figures import figures_for
 
 
@@ -55,9 +55,9 @@ def test_figures_of_single_draws_have_no_rows(fit: Fit) -> None:
 def test_the_file_beside_the_curve_has_the_readings(
     fit: Fit, sketched: None, tmp_path: Path
 ) -> None:
-    page = write_report([fit], tmp_path, title="T", command="x")
+    html = html_of([fit], tmp_path)
     (file,) = (tmp_path / "figures").glob("*_stress_strain.csv")
-    assert f'href="figures/{file.name}"' in page.read_text(encoding="utf-8")
+    assert f'href="figures/{file.name}"' in html
     assert not list((tmp_path / "figures").glob("*_pairs.csv"))
     shown = np.array(rows(pd.read_csv(file), "synthetic data"))
     readings = fit.posterior["observed_data"].to_dataset()["stress"].to_numpy()

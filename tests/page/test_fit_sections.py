@@ -8,14 +8,13 @@ import numpy as np
 import pandas as pd
 import pytest
 from conftest import sketch_pictures
-from page import Page
+from page import Page, page_of
 from synthetic_fit import make_fit, with_problem
 
 from pyburgers.checks.fit_checks import CheckKind, Outcome
 from pyburgers.fitting.fit import Fit
 from pyburgers.page.fit_sections import SameData, Section, by_data, write_section
 from pyburgers.page.joint_section import strayed
-from pyburgers.page.page import write_report
 from pyburgers.page.tables import DECISION
 
 FEW = (
@@ -55,8 +54,7 @@ def page(fits: Mapping[str, Fit], tmp_path_factory: pytest.TempPathFactory) -> P
     with pytest.MonkeyPatch.context() as patch:
         sketch_pictures(patch)
         out = tmp_path_factory.mktemp("together")
-        file = write_report(list(fits.values()), out, title="T", command="x")
-    return Page(file.read_text(encoding="utf-8"))
+        return page_of(list(fits.values()), out)
 
 
 def decided(section: Section, by: Mapping[str, str]) -> Section:
@@ -199,8 +197,7 @@ def test_a_page_has_few_words_until_it_is_unfolded(
     counts = []
     for number, more in enumerate(([], [fits["good"]])):
         out = tmp_path / str(number)
-        file = write_report([fits["other"], third, *more], out, title="T", command="x")
-        found = Page(file.read_text(encoding="utf-8"))
+        found = page_of([fits["other"], third, *more], out)
         counts.append(len(found.unfolded.split()))
         assert len(found.text.split()) > 2 * counts[-1]
     assert counts[1] - counts[0] < WORDS_OF_A_FIT

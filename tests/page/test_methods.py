@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from page import Page
+from page import page_of
 from synthetic_fit import make_fit
 from synthetic_olivine_fit import make_olivine_fit
 
@@ -17,7 +17,6 @@ from pyburgers.common.toml_files import read_tables
 from pyburgers.fitting.fit import Fit
 from pyburgers.kinds.experiment import Provenance
 from pyburgers.page.methods import bibtex, methods_text
-from pyburgers.page.page import write_report
 
 ENTRY = re.compile(r"^@(\w+)\{(\w+),\n(.*?)\n\}$", re.DOTALL | re.MULTILINE)
 
@@ -91,8 +90,7 @@ def test_references_are_those_of_the_citation_file(fit: Fit) -> None:
 def test_the_page_has_methods_and_references_folded_at_its_end(
     fit: Fit, sketched: None, tmp_path: Path
 ) -> None:
-    file = write_report([fit], tmp_path, title="T", command="x")
-    page = Page(file.read_text(encoding="utf-8"))
+    page = page_of([fit], tmp_path)
     assert told(fit) in page.text_without_marks
     assert f"{fit.experiment.id} (ice, constant rate, 260 K; measured data: Glen" in page.text
     assert "@misc{pyburgers" in page.text

@@ -190,12 +190,8 @@ def test_the_logarithm_of_a_prior_is_its_distribution() -> None:
 
 
 def test_a_panel_over_decades_has_the_logarithm_and_the_truth_in_it(tmp_path: Path) -> None:
-    fit = make_fit(tmp_path, chains=2, draws=200)
-    draws = fit.posterior["posterior"].to_dataset()
-    spread = 10 ** np.random.default_rng(3).uniform(9.0, 11.6, draws["kelvin_viscosity"].shape)
-    fit.posterior["posterior"] = draws.assign(
-        kelvin_viscosity=draws["kelvin_viscosity"].copy(data=spread)
-    )
+    spread = 10 ** np.random.default_rng(3).uniform(9.0, 11.6, (2, 200))
+    fit = redrawn(make_fit(tmp_path, chains=2, draws=200), kelvin_viscosity=spread)
     (panel,) = (axes for axes in prior_posterior(fit).axes if "eta_K" in axes.get_xlabel())
     assert "log" in panel.get_xlabel()
     truth = np.log10(truth_of(fit.experiment)["kelvin_viscosity"])

@@ -11,10 +11,10 @@ from typing import Any
 import pandas as pd
 import pytest
 from conftest import sketch_pictures
-from page import Page
+from page import Page, html_of, page_of
 from same_contents import contents
 from synthetic_fit import make_fit, make_prior, with_problem
-from synthetic_olivine_fit import make_olivine_fit, oscillating
+from synthetic_olivine_fit import make_olivine_fit, oscillating, redrawn
 
 from pyburgers.checks.fit_checks import CheckKind, CheckResult, Outcome
 from pyburgers.checks.prior_influence import (
@@ -52,9 +52,7 @@ COMMAND = "pyburgers report runs/A runs/B --out page"
 
 
 def write(fits: Sequence[Fit], out: Path) -> Page:
-    page = write_report(fits, out, title="Two tests", command=COMMAND)
-    assert page == out / "index.html"
-    return Page(page.read_text(encoding="utf-8"))
+    return page_of(fits, out, title="Two tests", command=COMMAND)
 
 
 def small_fit(path: Path, name: str = "A", **changes: Any) -> Fit:
@@ -232,8 +230,7 @@ def test_findings_of_a_study_stand_in_a_table_above_its_folded_fits(
         PageSection("study", "A study", ("Ice creeps.", "More.")),
         PageSection("behind", "Behind", ("Last.",), after_fits=True),
     )
-    file = write_report(fits, tmp_path, title="T", command="x", extras=parts)
-    page = Page(file.read_text(encoding="utf-8"))
+    page = page_of(fits, tmp_path, extras=parts)
     assert "Overviewpartfound" + "AstudyIcecreeps.All2fits" in "".join(page.unfolded.split())
     assert page.text.count("Last.") == 1
     assert "stress exponent n" in page.text
@@ -303,10 +300,7 @@ def test_parts_have_their_alarms_and_the_verdicts_of_their_fits_at_the_top(
         PageSection("part", "A part", (), alarms=alarms, details=("Alike.", "one")),
         PageSection("other", "Another", (), details=("Alike.", "two")),
     ]
-    file = write_report(
-        [fits[1]], tmp_path, title="T", command="x", extras=parts, told={"part": [fits[0]]}
-    )
-    page = Page(file.read_text(encoding="utf-8"))
+    page = page_of([fits[1]], tmp_path, extras=parts, told={"part": [fits[0]]})
     assert page.text.index(alarms[0]) < page.text.rindex("Overview")
     name = fits[0].directory.path.name
     # Contents, verdicts and overview lead to the reasons, which stand in the part.
@@ -370,17 +364,10 @@ def test_the_page_says_what_prior_and_data_decide(
         assert written[["decided_by", "by_prior_of"]].fillna("").equals(decided)
     # A posterior that data have not touched: as wide as its prior, and moved by nothing.
     untouched = small_fit(tmp_path / "run")
-    draws = untouched.posterior["posterior"].to_dataset()
-    values = (
-        untouched.priors["stress_exponent"]
-        .distribution()
-        .rvs(draws["stress_exponent"].shape, random_state=1)
-    )
-    untouched.posterior["posterior"] = draws.assign(
-        stress_exponent=draws["stress_exponent"].copy(data=values)
-    )
-    file = write_report([untouched], str(tmp_path / "p"), title="T", command=COMMAND)
-    told = [line for line in file.read_text(encoding="utf-8").splitlines() if 'bad">' in line]
+    shape = untouched.posterior["posterior"]["stress_exponent"].shape
+    values = untouched.priors["stress_exponent"].distribution().rvs(shape, random_state=1)
+    html = html_of([redrawn(untouched, stress_exponent=values)], tmp_path / "p")
+    told = [line for line in html.splitlines() if 'bad">' in line]
     assert any("stress exponent" in line and 'class="words bad">prior<' in line for line in told)
 
 

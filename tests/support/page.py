@@ -1,6 +1,12 @@
 """A page as a reader meets it."""
 
+from collections.abc import Sequence
 from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+
+from pyburgers.fitting.fit import Fit
+from pyburgers.page.page import write_report
 
 
 class Page(HTMLParser):
@@ -53,3 +59,14 @@ class Page(HTMLParser):
         parts = [tag for tag in self.open if tag in {"details", "summary"}]
         summary = bool(parts) and parts[-1] == "summary"
         return "nav" not in self.open and "details" in (parts[:-2] if summary else parts)
+
+
+def html_of(fits: Sequence[Fit], out: Path, **parts: Any) -> str:
+    """The text of a page about fits."""
+    file = write_report(fits, out, **{"title": "T", "command": "x", **parts})
+    return file.read_text(encoding="utf-8")
+
+
+def page_of(fits: Sequence[Fit], out: Path, **parts: Any) -> Page:
+    """A page about fits, read."""
+    return Page(html_of(fits, out, **parts))

@@ -70,21 +70,7 @@ TOLERANCE, TIGHTER_TOLERANCE = 1e-12, 3e-13
 
 @dataclass(frozen=True)
 class Case:
-    """Tests that are fitted together, files relative to the repository.
-
-    Attributes
-    ----------
-    files : tuple of str
-        Experiment files.
-    priors : str
-        Prior file.
-    variant : mapping of str to str
-        Laws.
-    pool : mapping of str to str
-        How tests hang together.
-    n_points : int
-        Points at which the density is stored.
-    """
+    """Tests that are fitted together and points where densities are stored; paths from the root."""
 
     files: tuple[str, ...]
     priors: str

@@ -97,9 +97,7 @@ def test_latex_is_a_table_with_a_row_for_each(
     assert out.read_text(encoding="utf-8") == text
 
 
-def test_exports_say_which_quantities_mean_and_covariance_do_not_describe(
-    small_fit: Fit,
-) -> None:
+def test_exports_say_which_quantities_mean_and_covariance_do_not_describe(small_fit: Fit) -> None:
     viscosity = small_fit.posterior["posterior"]["kelvin_viscosity"].to_numpy()
     spread = np.exp(np.random.default_rng(1).normal(size=viscosity.shape))
     wide = redrawn(small_fit, kelvin_viscosity=viscosity * spread)

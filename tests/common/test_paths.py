@@ -163,19 +163,6 @@ def test_a_run_stays_where_it_is_when_the_process_goes_elsewhere(
     assert fit.directory.path == here / "run"
 
 
-def test_the_bytes_that_are_hashed_are_those_that_are_read(
-    small_fit: Fit, other_fit: Fit, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Draws that are exchanged behind the check of the hashes are not read."""
-    run = tmp_path / "run"
-    shutil.copytree(small_fit.directory.path, run)
-    fit = Fit.load(run)
-    monkeypatch.setattr(type(fit.directory), "require_unchanged", lambda self: None)
-    shutil.copy(other_fit.directory.posterior_file, run / "posterior.nc")
-    with pytest.raises(InputError, match=r"posterior.nc has changed since the run"):
-        Fit.load(run)
-
-
 @pytest.mark.usefixtures("little_search")
 @pytest.mark.parametrize(
     "name",

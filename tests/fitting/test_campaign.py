@@ -244,12 +244,3 @@ def test_wrong_plans_are_told_in_a_sentence(
     out = tmp_path / "out"
     cli.refused(["campaign", make_plan((old, new)), "--out", out], word)
     assert not out.exists()
-
-
-@pytest.mark.parametrize("part", ["0/2", "3/2", "1", "x/y", "-1/2"])
-def test_parts_that_there_are_not_are_refused(part: str, make_plan: MakePlan) -> None:
-    try:
-        code: object = main(["campaign", str(make_plan()), "--part", part])
-    except SystemExit as error:  # of the parser
-        code = error.code
-    assert code == 2

@@ -489,9 +489,7 @@ def test_readings_need_a_noise_that_somebody_knows(small_fit: Fit, small_problem
     assert np.isfinite(score_table(prediction)["found"]).all()
 
 
-def test_a_noise_that_the_fit_took_as_known_is_that_of_new_readings(
-    small_problem: Problem,
-) -> None:
+def test_a_noise_that_the_fit_took_as_known_is_that_of_new_readings(small_problem: Problem) -> None:
     test = small_problem.experiment
     known = problem_of([test], with_fixed(small_problem.priors, {"stress_noise": 1e5}))
     values = {"stress_noise": np.full(4, 1e5)}

@@ -28,15 +28,7 @@ TEMPERATURE = 263.0 + 0.4 * np.sin(np.arange(GROUP.size))
 
 @dataclass(frozen=True, eq=False)
 class StraightLaw:
-    """ln(stress) linear in ln(rate) and, for tests of the second group, ln(grain size).
-
-    Attributes
-    ----------
-    log_rate, group : array, shape (n,)
-        Of the tests.
-    uncertainty : array, shape (n,)
-        Stated, of ln(stress), which was read.
-    """
+    """ln(stress), whose errors are stated, linear in ln(rate); a group has grains of its own."""
 
     log_rate: FloatArray
     group: IntArray

@@ -435,11 +435,7 @@ def test_a_column_of_pandas_whose_name_says_another_unit_is_told(
     ],
 )
 def test_a_column_of_pandas_whose_name_says_another_form_is_told(
-    make: Callable[..., Experiment],
-    arguments: dict[str, Any],
-    column: str,
-    name: str,
-    said: str,
+    make: Callable[..., Experiment], arguments: dict[str, Any], column: str, name: str, said: str
 ) -> None:
     test = make(**{**COMMON, **arguments, column: pd.Series(arguments[column], name=name)})
     (notice,) = (one for one in test.notices if repr(name) in one)

@@ -45,10 +45,7 @@ def with_prior(priors: PriorSet, prior: Prior) -> PriorSet:
 
 
 def data_of(
-    test: ConstantRateExperiment,
-    priors: PriorSet | None = None,
-    *,
-    grid: Sequence[float] = (),
+    test: ConstantRateExperiment, priors: PriorSet | None = None, *, grid: Sequence[float] = ()
 ) -> StanData:
     return one_test_data(
         test, priors or ice(), solver=SolverOptions(), grid=np.array(grid, dtype=np.float64)

@@ -162,9 +162,7 @@ def test_a_synthetic_curve_with_another_source_says_nothing_about_nature(
     assert "nature" not in " ".join(measured[1].paragraphs)
 
 
-def test_least_squares_of_the_measured_table_regress_what_was_measured(
-    peaks: RateFit,
-) -> None:
+def test_least_squares_of_the_measured_table_regress_what_was_measured(peaks: RateFit) -> None:
     # Of ln(rate), which was imposed, on the others it would be 3.54 and 0.58.
     table = least_squares_table(peaks)
     for name, (value, error) in {
@@ -177,9 +175,7 @@ def test_least_squares_of_the_measured_table_regress_what_was_measured(
         assert table["sd"][name] > error
 
 
-def test_least_squares_leave_out_a_grain_size_that_never_changes(
-    peaks: RateFit,
-) -> None:
+def test_least_squares_leave_out_a_grain_size_that_never_changes(peaks: RateFit) -> None:
     data = peaks.data
     same = replace(data, grain_size=np.full(data.n_rows, 2.3e-4))
     assert set(least_squares(same)) == {"stress_exponent"}

@@ -77,9 +77,7 @@ def test_each_free_quantity_has_a_panel_with_its_true_value(
     assert "true value" in legend_texts(trade_offs)
 
 
-def test_a_posterior_much_narrower_than_its_prior_gets_limits_of_its_own(
-    densities: Figure,
-) -> None:
+def test_a_posterior_much_narrower_than_its_prior_gets_limits_of_its_own(densities: Figure) -> None:
     panels = {axes.get_xlabel(): axes for axes in densities.axes}
     viscosity = panels[r"$\eta_K$ (GPa s)"]
     assert viscosity.get_xlim()[1] < 100

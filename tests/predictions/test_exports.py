@@ -400,9 +400,7 @@ def test_json_holds_the_same_draws(made: Fit) -> None:
     assert "sample" not in json.loads(*export(fit, "json"))
 
 
-def test_softened_tests_have_a_law_of_undeformed_material(
-    peaks: RateFit,
-) -> None:
+def test_softened_tests_have_a_law_of_undeformed_material(peaks: RateFit) -> None:
     with pytest.raises(InputError, match="no grain size of undeformed material"):
         export(peaks, "geoparams")
     with pytest.raises(InputError, match=r"'steady_state', of which .* tells nothing"):

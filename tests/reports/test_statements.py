@@ -136,9 +136,7 @@ def test_what_the_paper_says_of_a_parameter_is_looked_for_in_its_draws(
     assert evidence in statement.evidence
 
 
-def test_chains_that_disagree_are_mentioned_and_one_has_nothing_to_agree_with(
-    olivine: Fit,
-) -> None:
+def test_chains_that_disagree_are_mentioned_and_one_has_nothing_to_agree_with(olivine: Fit) -> None:
     draws = normal(olivine, 0.5, 0.1)
     draws[0] += 0.3
     fit = redrawn(olivine, critical_strain_grain_size=draws)

@@ -42,11 +42,7 @@ RIGHT = [float(stats.binom.ppf(q, 400, 0.05)) / 400 for q in (0.0005, 0.9995)]
     [(0.0, 1.0, *RIGHT), (0.7, 1.0, 0.9, 1.0), (0.0, 1.6, 0.9, 1.0), (0.0, 0.6, 0.9, 1.0)],
 )
 def test_a_biased_or_wrongly_wide_posterior_leaves_the_band_and_a_right_one_as_it_should(
-    band: tuple[IntArray, IntArray],
-    shift: float,
-    width: float,
-    low: float,
-    high: float,
+    band: tuple[IntArray, IntArray], shift: float, width: float, low: float, high: float
 ) -> None:
     assert low <= share_outside(band, shift=shift, width=width) <= high
 

@@ -22,16 +22,6 @@ def refusal(path: Path, load: Callable[[Path], object] = load_experiment) -> str
     return text
 
 
-def assert_refused(code: int, capsys: pytest.CaptureFixture[str], *words: str) -> None:
-    """Exit code 2 of a command and one clear sentence on standard error."""
-    out, error = capsys.readouterr()
-    assert code == 2
-    assert out == ""
-    assert re.fullmatch(r"pyburgers: [^\n]+[.?]\n", error)
-    for word in words:
-        assert word in error
-
-
 class CommandLine:
     """Commands in this process; exit code, output and errors are those of the last one."""
 
@@ -51,7 +41,7 @@ class CommandLine:
         return self.out
 
     def refused(self, words: Sequence[object], *told: str) -> None:
-        """Run a command that has to be refused (`assert_refused`)."""
+        """Run a command that ends with code 2 and one clear sentence on standard error."""
         assert self(*words, code=2) == ""
         assert re.fullmatch(r"pyburgers: [^\n]+[.?]\n", self.error)
         for one in told:

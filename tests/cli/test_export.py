@@ -4,6 +4,7 @@ import io
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -12,6 +13,7 @@ from conftest import ICE
 from refusals import CommandLine
 from synthetic_olivine_fit import redrawn
 
+import pyburgers
 from pyburgers.cli.main import main
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.sampled_fit import ORIGINS
@@ -186,39 +188,28 @@ def test_the_solution_of_a_draw_and_of_the_mean(
         np.testing.assert_allclose(pd.read_csv(out)["stress_Pa"], expected["stress_Pa"], rtol=1e-9)
 
 
-IMAGINED = """\
-id = "creep"
-material = "ice"
-protocol = "loading_history"
-temperature_K = 260.0
-initial_grain_size_m = 1e-3
-stage_time_unit = "h"
-stage_stress_unit = "MPa"
-
-[[stages]]
-control = "stress"
-start_time = 0.0
-end_time = 10.0
-stress = 1.0
-
-[provenance]
-kind = "synthetic"
-source = "imagined"
-"""
+def write_creep(path: Path, *, hours: float = 10.0, **keys: Any) -> None:
+    """Write the file of an imagined test."""
+    load = {"control": "stress", "start_time": 0.0, "end_time": hours, "stress": 1.0}
+    keys |= {"stage_time_unit": "h", "stage_stress_unit": "MPa", "kind": "synthetic"}
+    keys |= {"material": "ice", "temperature_K": 260.0, "grain_size_um": 1e3}
+    pyburgers.LoadingHistory(stages=[load], **keys).to_toml(path)
 
 
 def test_a_solution_from_a_run_has_what_the_file_states_as_a_prediction_has(
     small_fit: Fit, tmp_path: Path
 ) -> None:
-    stated = (
-        '[apparatus]\ncompliance_per_Pa = 1e-9\n[strain_offset]\nvalue = 1.0\nunit = "percent"\n'
-    )
+    offset = {"value": 1.0, "unit": "percent"}
+    cases: dict[str, dict[str, Any]] = {
+        "plain": {},
+        "stated": {"apparatus": {"compliance_per_Pa": 1e-9}, "strain_offset": offset},
+        "force": {"stress_measure": "engineering"},
+    }
     run = str(small_fit.directory.path)
     ends = {}
-    force = IMAGINED.replace("stage_time_unit", 'stress_measure = "engineering"\nstage_time_unit')
-    for name, text in (("plain", IMAGINED), ("stated", IMAGINED + stated), ("force", force)):
+    for name, keys in cases.items():
         path, out = (tmp_path / f"{name}{suffix}" for suffix in (".toml", ".csv"))
-        path.write_text(text, encoding="utf-8")
+        write_creep(path, **keys)
         assert main(["simulate", str(path), "--from", run, "--draw", "1", "--out", str(out)]) == 0
         solved = pd.read_csv(out)["strain"]
         # One draw alone is the first.
@@ -238,7 +229,7 @@ def test_a_solution_from_a_run_keeps_grains_that_the_fit_kept(
     priors = with_variant(small_fit.priors, test, {"grain_size": "constant"})
     frozen = replace(small_fit, problem=problem_of([test], priors))
     path, out = tmp_path / "creep.toml", tmp_path / "creep.csv"
-    path.write_text(IMAGINED.replace("end_time = 10.0", "end_time = 1e3"), encoding="utf-8")
+    write_creep(path, hours=1e3)
     sizes = []
     for fit in (small_fit, frozen):
         monkeypatch.setattr(Fit, "load", lambda _, fit=fit: fit)

@@ -29,7 +29,7 @@ def arguments(small_problem: Problem, tmp_path: Path) -> list[str]:
 
 @pytest.mark.usefixtures("little_search")
 def test_a_joint_fit_prints_its_tests_and_check_repeats_the_verdicts(
-    programs: None, arguments: list[str], tmp_path: Path, cli: CommandLine
+    arguments: list[str], tmp_path: Path, cli: CommandLine
 ) -> None:
     out = cli(*arguments, "--pool", "maxwell_modulus=partial:0.2", code=3)  # few draws
     assert re.search(r"Maxwell modulus .*partial", out)

@@ -22,13 +22,8 @@ from pyburgers.kinds.kind import save_experiment
 @pytest.fixture
 def slower(small_problem: Problem, tmp_path: Path) -> Path:
     """The small test at another rate, without data."""
-    experiment = replace(
-        small_problem.experiment,
-        id="slower",
-        segments=(RateSegment(0.0, 1e-5),),
-        strain=np.empty(0),
-        stress=np.empty(0),
-    )
+    test = small_problem.experiment.to_be_solved()
+    experiment = replace(test, id="slower", segments=(RateSegment(0.0, 1e-5),))
     folder = tmp_path / "inputs"
     folder.mkdir()
     return save_experiment(experiment, folder)

@@ -42,9 +42,7 @@ def script(
     return run
 
 
-def test_a_curve_is_fitted(
-    script: Script, programs: None, small_problem: Problem, tmp_path: Path
-) -> None:
+def test_a_curve_is_fitted(script: Script, small_problem: Problem, tmp_path: Path) -> None:
     files = (small_problem.experiment_file, "--priors", small_problem.priors_file)
     printed = script(
         "fit_your_own_curve.py", *files, "--chains", 2, "--warmup", 150, "--draws", 100

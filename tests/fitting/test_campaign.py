@@ -70,12 +70,7 @@ def make_plan(small_problem: Problem, tmp_path: Path) -> MakePlan:
 
 
 def test_parts_do_their_fits_and_the_whole_gathers_them_on_a_page(
-    programs: None,
-    make_plan: MakePlan,
-    small_fit: Fit,
-    tmp_path: Path,
-    sketched: None,
-    cli: CommandLine,
+    make_plan: MakePlan, small_fit: Fit, tmp_path: Path, sketched: None, cli: CommandLine
 ) -> None:
     plan, out = make_plan(), tmp_path / "out"
     assert cli("campaign", plan, "--out", out, "--status").count("not begun") == 2
@@ -103,7 +98,7 @@ def test_parts_do_their_fits_and_the_whole_gathers_them_on_a_page(
 
 
 def test_a_fit_that_cannot_be_done_leaves_the_others_alone(
-    programs: None, make_plan: MakePlan, tmp_path: Path, cli: CommandLine
+    make_plan: MakePlan, tmp_path: Path, cli: CommandLine
 ) -> None:
     plan, out = make_plan(), tmp_path / "out"
     stranger = out / "runs" / NAMES[0]

@@ -120,7 +120,7 @@ def test_tests_of_one_furnace_have_one_error(small_problem: Problem, tmp_path: P
     again = Fit.load(joint.directory.path)
     assert again.problem.experiments[0].uncertain == (big,)
 
-    new = replace(first, id="new", strain=np.empty(0), stress=np.empty(0))
+    new = replace(first.to_be_solved(), id="new")
     predicted = [
         all_draws(draws_of(joint.predict(replace(new, uncertain=stated)))[TEMPERATURE])
         for stated in ((big,), (own,))

@@ -59,13 +59,11 @@ def another_test(fitted: Fit | Problem) -> ConstantRateExperiment:
     """Return a stepped test at other conditions, without data."""
     first = fitted.experiment if isinstance(fitted, Problem) else fitted.problem.experiments[0]
     return replace(
-        of_kind(first, ConstantRateExperiment),
+        of_kind(first, ConstantRateExperiment).to_be_solved(),
         id="another",
         temperature=255.0,
         initial_grain_size=500e-6,
         segments=(RateSegment(0.0, 1e-5), RateSegment(0.01, 1e-4)),
-        strain=np.empty(0),
-        stress=np.empty(0),
         final_strain=0.03,
     )
 
@@ -354,9 +352,7 @@ def test_an_upper_limit_is_scored_with_the_probability_of_being_below_it(program
     assert scores["expected"] == pytest.approx(expected, rel=1e-6)
 
 
-def test_a_fit_of_an_oscillation_predicts_a_test_at_constant_rate(
-    programs: None, small_problem: Problem
-) -> None:
+def test_a_fit_of_an_oscillation_predicts_a_test_at_constant_rate(small_problem: Problem) -> None:
     record = load_forced_oscillation(TWIN_FILE).to_be_solved()
     target = replace(another_test(small_problem), material="olivine", temperature=1450.0)
     prediction = predict_test(prior_source(record), target, draws=3)
@@ -493,7 +489,7 @@ def test_a_noise_that_the_fit_took_as_known_is_that_of_new_readings(small_proble
     test = small_problem.experiment
     known = problem_of([test], with_fixed(small_problem.priors, {"stress_noise": 1e5}))
     values = {"stress_noise": np.full(4, 1e5)}
-    for target in (test, replace(test, strain=np.empty(0), stress=np.empty(0))):
+    for target in (test, test.to_be_solved()):
         found, notes = add_noises(values, known, target)
         np.testing.assert_array_equal(found["stress_noise"], 1e5)
         assert "of the fit, 0.1 MPa" in notes[0]
@@ -590,7 +586,7 @@ def test_a_solution_leaves_out_what_belongs_to_another_apparatus(small_problem: 
 
 @pytest.mark.parametrize("protocol", ["loading_history", "constant_rate", "forced_oscillation"])
 def test_a_test_of_one_temperature_has_the_modulus_there(
-    programs: None, small_problem: Problem, protocol: str
+    small_problem: Problem, protocol: str
 ) -> None:
     table = load_attenuation(ICE.parent / "olivine" / "attenuation_A1802.toml")
     curve = small_problem.experiment

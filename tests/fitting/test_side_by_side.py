@@ -26,7 +26,6 @@ def tasks(small_problem: Problem) -> dict[str, Task]:
 
 
 def test_draws_and_runs_are_those_of_a_single_fit(
-    programs: None,
     tasks: dict[str, Task],
     small_fit: Fit,
     tmp_path: Path,
@@ -68,7 +67,7 @@ def test_draws_and_runs_are_those_of_a_single_fit(
 
 @pytest.mark.usefixtures("little_search")
 def test_a_refused_fit_is_told_and_leaves_the_others_alone(
-    programs: None, in_this_process: None, tasks: dict[str, Task], tmp_path: Path
+    in_this_process: None, tasks: dict[str, Task], tmp_path: Path
 ) -> None:
     (tmp_path / "second").mkdir()
     (tmp_path / "second" / "notes.txt").write_text("mine", encoding="utf-8")
@@ -79,7 +78,7 @@ def test_a_refused_fit_is_told_and_leaves_the_others_alone(
 
 @pytest.mark.usefixtures("little_search")
 def test_a_name_may_hold_a_folder(
-    programs: None, in_this_process: None, tasks: dict[str, Task], tmp_path: Path
+    in_this_process: None, tasks: dict[str, Task], tmp_path: Path
 ) -> None:
     options = replace(tasks["first"].options, chains=1, warmup=60, draws=20)
     task = replace(tasks["first"], options=options)
@@ -89,11 +88,7 @@ def test_a_name_may_hold_a_folder(
 
 @pytest.mark.usefixtures("little_search")
 def test_a_fit_goes_on_until_its_draws_are_enough(
-    programs: None,
-    in_this_process: None,
-    tasks: dict[str, Task],
-    tmp_path: Path,
-    caplog: pytest.LogCaptureFixture,
+    in_this_process: None, tasks: dict[str, Task], tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     caplog.set_level(logging.INFO, "pyburgers.fitting.problem_run")
     # 160 draws in all can be judged, and can never be 400 independent ones.
@@ -124,7 +119,7 @@ def test_a_fit_goes_on_until_its_draws_are_enough(
 
 @pytest.mark.usefixtures("little_search")
 def test_more_draws_of_a_single_chain_would_not_tell_whether_chains_agree(
-    programs: None, in_this_process: None, tasks: dict[str, Task], tmp_path: Path
+    in_this_process: None, tasks: dict[str, Task], tmp_path: Path
 ) -> None:
     alone = replace(tasks["first"].options, chains=1, draws=120, max_minutes=100.0)
     task = replace(tasks["first"], options=alone)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from conftest import ICE
+from refusals import written
 from truths import truth_of
 
 from pyburgers.checks.advice import advise_on_spectra
@@ -61,14 +62,7 @@ def edit(tmp_path: Path) -> Edit:
     """Write the small table, changed."""
 
     def write(*changes: tuple[str, str], rows: str = ROWS) -> Path:
-        text = FILE
-        for old, new in changes:
-            assert old in text
-            text = text.replace(old, new)
-        (tmp_path / "t.csv").write_text(rows, encoding="utf-8")
-        path = tmp_path / "t.toml"
-        path.write_text(text, encoding="utf-8")
-        return path
+        return written(tmp_path / "t.toml", FILE, changes, {"t": rows})
 
     return write
 

@@ -25,6 +25,7 @@ from pyburgers.kinds.forced_oscillation.files import load_forced_oscillation
 from pyburgers.kinds.forced_oscillation.likelihood import START_MARGIN
 from pyburgers.kinds.forward import simulate, with_laws
 from pyburgers.kinds.kind import load_experiment
+from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.model.parameters import PIEZOMETER, STANDARD_VALUES
 
 HEAD = """
@@ -175,16 +176,17 @@ def test_simulate_takes_a_variant(tmp_path: Path, parameters: dict[str, float]) 
     np.testing.assert_allclose(found["stress_Pa"], expected["stress_Pa"], rtol=1e-6)
 
 
+def without_readings(test: HistoryExperiment) -> HistoryExperiment:
+    none = np.empty(0)
+    return replace(test, time=none, reading_stage=none.astype(np.int64), reading=none)
+
+
 @pytest.mark.parametrize(("stress", "doubted"), [(3.0, 1), (8e6, 0), (3e12, 1)])
 def test_stresses_of_an_imagined_test_are_doubted_where_a_unit_may_be_wrong(
     stress: float, doubted: int
 ) -> None:
-    test = history_twin("creep", 4)
-    none = np.empty(0)
-    stages = (replace(test.stages[0], value=stress),)
-    imagined = replace(
-        test, stages=stages, time=none, reading_stage=none.astype(np.int64), reading=none
-    )
+    test = without_readings(history_twin("creep", 4))
+    imagined = replace(test, stages=(replace(test.stages[0], value=stress),))
     assert len([one for one in doubts(imagined) if "check its unit" in one]) == doubted
 
 
@@ -225,11 +227,9 @@ def test_a_law_whose_parameter_is_not_given_to_an_imagined_test_is_refused(
 )
 def test_a_law_that_needs_no_stress_needs_no_data(choices: dict[str, str]) -> None:
     test = history_twin("creep", 4)
-    none = np.empty(0)
-    imagined = replace(test, time=none, reading_stage=none.astype(np.int64), reading=none)
     kelvin = {"kelvin_stress_exponent": 2.0, "kelvin_reference_stress": 1e6}
     values = {**TRUTH, **BACKSTRESS, **THIRD, **kelvin}
-    found = with_laws(imagined, values, choices)
+    found = with_laws(without_readings(test), values, choices)
     assert found == with_laws(test, values, choices)
 
 

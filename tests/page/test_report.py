@@ -8,6 +8,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
+import numpy as np
 import pandas as pd
 import pytest
 from conftest import sketch_pictures
@@ -366,7 +367,8 @@ def test_the_page_says_what_prior_and_data_decide(
     untouched = small_fit(tmp_path / "run")
     shape = untouched.posterior["posterior"]["stress_exponent"].shape
     values = untouched.priors["stress_exponent"].distribution().rvs(shape, random_state=1)
-    html = html_of([redrawn(untouched, stress_exponent=values)], tmp_path / "p")
+    drawn = redrawn(untouched, stress_exponent=np.asarray(values))
+    html = html_of([drawn], tmp_path / "p")
     told = [line for line in html.splitlines() if 'bad">' in line]
     assert any("stress exponent" in line and 'class="words bad">prior<' in line for line in told)
 

@@ -83,7 +83,7 @@ def test_laws_are_told_apart_as_often_as_their_distance_allows() -> None:
 def plan_for(fit: Fit) -> DesignPlan:
     """Return a plan with the fitted test again, twice, and a colder one that takes too long."""
     first = of_kind(fit.experiment, ConstantRateExperiment)
-    again = replace(first, id="again", strain=np.empty(0), stress=np.empty(0))
+    again = replace(first.to_be_solved(), id="again")
     colder = replace(again, id="colder", temperature=again.temperature - 15.0)
     return DesignPlan(
         ("maxwell_modulus", "activation_enthalpy"),

@@ -7,11 +7,11 @@ from collections.abc import Container, Iterator, Mapping
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, LiteralString
 
 import numpy as np
 import numpy.typing as npt
-from pydantic import Field, PlainValidator
+from pydantic import AfterValidator, Field, PlainValidator
 from pydantic_core import PydanticCustomError
 
 from pyburgers.common.array_types import BoolArray, FloatArray
@@ -53,39 +53,35 @@ MAX_NAMED_CELLS = 3
 """Cells of a column that are named where they hold no numbers."""
 
 
-def _checked_column(found: object) -> str | int:
-    if isinstance(found, bool) or not isinstance(found, str | int):
-        raise PydanticCustomError(
-            "column", "a column name, or a number from 1 for files without header"
-        )
-    return found
+def _text_or(kind: type, name: LiteralString, expected: LiteralString) -> PlainValidator:
+    """Return what refuses all but texts and things of another kind."""
+
+    def checked(found: object) -> object:
+        if isinstance(found, bool) or not isinstance(found, (str, kind)):
+            raise PydanticCustomError(name, expected)
+        return found
+
+    return PlainValidator(checked)
 
 
 Column = Annotated[
     str | int,
-    PlainValidator(_checked_column),
+    _text_or(int, "column", "a column name, or a number from 1 for files without header"),
     Field(description="a column name, or number without header"),
 ]
 """Name in the header, or 1-based number in a file without header."""
 
-
-def _checked_cell(found: object) -> str:
-    if isinstance(found, bool) or not isinstance(found, str | int):
-        raise PydanticCustomError("cell", "text, or a whole number")
-    return str(found)
-
-
-def _checked_file(found: object) -> str | Mapping[str, Any]:
-    if not isinstance(found, str | Mapping):
-        raise PydanticCustomError("file", "a valid string, or a table of columns")
-    return found
-
-
-DataFile = Annotated[str | Mapping[str, Any], PlainValidator(_checked_file)]
+DataFile = Annotated[
+    str | Mapping[str, Any], _text_or(Mapping, "file", "a valid string, or a table of columns")
+]
 """Name of a data file, or the columns themselves: arrays by name, all of one length."""
 
-
-Cell = Annotated[str, PlainValidator(_checked_cell), Field(description="what the column holds")]
+Cell = Annotated[
+    str,
+    _text_or(int, "cell", "text, or a whole number"),
+    AfterValidator(str),
+    Field(description="what the column holds"),
+]
 """Contents of a cell as they stand in the text file; a whole number stands for its digits."""
 
 

@@ -34,16 +34,12 @@ def process_lock(
         except filelock.Timeout:
             raise InputError(f"{taken}: {_holder(path)}; {remedy}.") from None
     try:
-        if not _holds(path):  # where there is no flock, it already says who holds it
-            path.write_text("\n".join(_us()) + "\n", encoding="utf-8")
+        us = [str(os.getpid()), socket.gethostname()]
+        if _named_in(path) != us:  # where there is no flock, it already says who holds it
+            path.write_text("\n".join(us) + "\n", encoding="utf-8")
         yield
     finally:
         lock.release()
-
-
-def _us() -> list[str]:
-    """Return this process and its host, as lock files name them."""
-    return [str(os.getpid()), socket.gethostname()]
 
 
 def _named_in(path: Path) -> list[str]:
@@ -52,10 +48,6 @@ def _named_in(path: Path) -> list[str]:
         return path.read_text(encoding="utf-8", errors="replace").split("\n")[:2]
     except OSError:  # it was released in the meantime
         return []
-
-
-def _holds(path: Path) -> bool:
-    return _named_in(path) == _us()
 
 
 def _holder(path: Path) -> str:

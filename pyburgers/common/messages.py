@@ -1,13 +1,12 @@
 """Where messages about progress go: to the logger of the package, and from there where asked."""
 
-import io
 import logging
 import re
 import sys
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from multiprocessing import parent_process
-from typing import TextIO
+from typing import Any, TextIO
 
 PACKAGE = "pyburgers"
 """The logger above those of all modules."""
@@ -44,8 +43,8 @@ def tell_notes(sentences: Iterable[str]) -> None:
         logger.info(f"note: {sentence}")
 
 
-class PrintableStream(io.TextIOBase):
-    """A stream of text that prints nothing but printable text; `bare` is the stream below."""
+class PrintableStream:
+    """A stream of text that prints nothing but printable text; else as `bare`, the one below."""
 
     def __init__(self, bare: TextIO) -> None:
         self.bare = bare
@@ -54,27 +53,13 @@ class PrintableStream(io.TextIOBase):
         """Write a text."""
         return self.bare.write(printable(text))
 
-    def flush(self) -> None:
-        """Flush the stream below."""
-        self.bare.flush()
+    def writelines(self, texts: Iterable[str]) -> None:
+        """Write texts."""
+        self.write("".join(texts))
 
-    def isatty(self) -> bool:
-        """Whether it is a terminal."""
-        return self.bare.isatty()
-
-    def fileno(self) -> int:
-        """Return the descriptor of the stream below."""
-        return self.bare.fileno()
-
-    @property
-    def errors(self) -> str | None:  # type: ignore[override]
-        """What the stream below does with text that its encoding lacks."""
-        return self.bare.errors
-
-    @property
-    def encoding(self) -> str:  # type: ignore[override]
-        """The encoding of the stream below."""
-        return self.bare.encoding
+    def __getattr__(self, name: str) -> Any:
+        """Return an attribute of the stream below."""
+        return getattr(self.bare, name)
 
 
 class Lines(logging.Formatter):

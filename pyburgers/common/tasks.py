@@ -142,18 +142,20 @@ def _own_processes(number: int) -> Iterator[Executor]:
             yield pool
         except BaseException as error:
             if not isinstance(error, Exception):
-                _kill_workers()
+                _kill(worker.pid for worker in active_children())
             raise
 
 
-def _kill_workers() -> None:
-    """Kill this process's workers and the programs that they run."""
+def _kill(identifiers: Iterable[int | None]) -> None:
+    """Kill processes and the programs that they run."""
     found = []
-    # All are stopped first: the pool ends the others when one is killed.
-    for worker in active_children():
+    # All are stopped first: a pool ends the others when one is killed.
+    for identifier in identifiers:
+        with suppress(psutil.NoSuchProcess):  # it ended by itself in the meantime
+            found += _stopped(psutil.Process(identifier))
+    for process in found:
         with suppress(psutil.NoSuchProcess):
-            found += _stopped(psutil.Process(worker.pid))
-    _kill(found)
+            process.kill()
 
 
 def _stopped(process: psutil.Process) -> list[psutil.Process]:
@@ -166,12 +168,6 @@ def _stopped(process: psutil.Process) -> list[psutil.Process]:
     return found
 
 
-def _kill(processes: Iterable[psutil.Process]) -> None:
-    for process in processes:
-        with suppress(psutil.NoSuchProcess):  # it ended by itself in the meantime
-            process.kill()
-
-
 def _end_with_parent() -> None:
     """Have this process and its programs end with the parent, not at a terminal's interrupt."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -180,9 +176,7 @@ def _end_with_parent() -> None:
 
     def watch() -> None:
         wait([parent.sentinel])
-        for child in psutil.Process().children():
-            with suppress(psutil.NoSuchProcess):
-                _kill(_stopped(child))
+        _kill(child.pid for child in psutil.Process().children())
         os._exit(1)
 
     threading.Thread(target=watch, daemon=True).start()

@@ -161,9 +161,6 @@ _MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct",
 
 DAY = 86400.0
 
-HALF_A_DAY = DAY / 2
-"""A clock that goes back by more than this has passed midnight."""
-
 
 def has_clock(cell: str) -> bool:
     """Whether a cell holds a time of a clock, with or without a date."""
@@ -270,7 +267,7 @@ def _past_midnight(times: Sequence[float]) -> list[float]:
     """Return times of a clock that goes on where it starts again at midnight."""
     days, last, going_on = 0, float("-inf"), []
     for time in times:
-        days += last - time > HALF_A_DAY
+        days += last - time > DAY / 2
         last = time if time == time else last
         going_on.append(time + DAY * days)
     return going_on

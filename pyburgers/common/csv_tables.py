@@ -23,7 +23,7 @@ WRITTEN_LAYOUT = {"separator": ",", "header": True, "missing": []}
 
 
 def csv_text(table: pd.DataFrame, *, index: bool = False, float_format: str | None = None) -> str:
-    """Return a table with a header, texts as `cell_of_text` has them."""
+    """Return a table with a header, in which no text is a formula."""
     shown = table.reset_index() if index else table
     shown = shown.set_axis([_safe(name) for name in shown.columns], axis="columns")
     for place, kind in enumerate(shown.dtypes):
@@ -43,15 +43,13 @@ def in_one_line(note: str) -> str:
     return " ".join(note.splitlines())
 
 
-def cell_of_text(text: str) -> str:
-    """Return a text that is no formula: an apostrophe stands before one that would be."""
-    text = "\n".join(re.split("\r\n?", text))
+def _safe(cell: Any) -> Any:
+    """Return a cell that is no formula: an apostrophe stands before a text that would be."""
+    if not isinstance(cell, str):
+        return cell
+    text = "\n".join(re.split("\r\n?", cell))
     is_formula = text.startswith(FORMULA_STARTS) and number_in(text) is None
     return f"'{text}" if is_formula else text
-
-
-def _safe(cell: Any) -> Any:
-    return cell_of_text(cell) if isinstance(cell, str) else cell
 
 
 def data_files(

@@ -253,13 +253,11 @@ def _blocks(rows: Sequence[Row], numeric: frozenset[int]) -> list[tuple[int, int
 def _head(
     above: Sequence[Row], separator: str, width: int
 ) -> tuple[tuple[str, ...] | None, tuple[str, ...] | None, int]:
-    """Return the names and units in the rows above the numbers, and how many rows they are.
-
-    Below a text for each column a row of units may hold some that are not known.
-    """
+    """Return the names and units in the rows above the numbers, and how many rows they are."""
     if not above:
         return None, None, 0
     last, before = above[-1][1], above[-2][1] if len(above) > 1 else ()
+    # Below a text for each column a row of units may hold some that are not known.
     is_full = [*map(kind_of, before)].count("text") == width
     has_units = are_units(last) or (is_full and are_mostly_units(last))
     if before and has_units and not are_units(before):
@@ -292,25 +290,17 @@ def _are_numbered(rows: Sequence[Row], separator: str) -> bool:
 
 
 def _layout_notes(
-    rows: Sequence[Row],
-    passed: Sequence[Row],
-    block: tuple[int, int],
-    before: int,
+    rows: Sequence[Row], passed: Sequence[Row], block: tuple[int, int], before: int
 ) -> list[str]:
     """Say which lines were passed over ahead of the names and behind the numbers."""
     notes = []
-    first = rows[0] if before else (passed[0] if passed else None)
-    if first is not None:
-        last = passed[-1] if passed else rows[before - 1]
-        notes.append(f"{_lines(first[0], last[0])} ahead of the table {_were(first, last)}")
-    if block[1] < len(rows):
-        first, last = rows[block[1]], rows[-1]
-        notes.append(f"{_lines(first[0], last[0])} behind the table {_were(first, last)}")
+    ahead, behind = [*rows[:before], *passed], rows[block[1] :]
+    for part, where in ((ahead, "ahead of"), (behind, "behind")):
+        if part:
+            (first, _), (last, _) = part[0], part[-1]
+            were = "was" if first == last else "were"
+            notes.append(f"{_lines(first, last)} {where} the table {were} passed over")
     return notes
-
-
-def _were(first: Row, last: Row) -> str:
-    return "was passed over" if first == last else "were passed over"
 
 
 def _lines(first: int, last: int) -> str:

@@ -266,10 +266,7 @@ def table_of_columns(
 
 
 def _cells_in(path: Path, name: str, values: ArrayLike) -> list[str]:
-    """Return the values of a column as the cells of a text; an empty one for no reading.
-
-    No readings are also those that a masked array hides.
-    """
+    """Return the values of a column as cells; an empty one for no reading, or a masked one."""
     array = np.asarray(values)
     if array.ndim != 1:
         raise InputError(
@@ -308,19 +305,15 @@ def look_at(
 ) -> TextTable:
     """Find the table in a file; raise InputError if it cannot be read at all."""
     sheets, encoding = read_sheets(path, where)
-    tables = [_table_in(path, sheet, separator, header, missing) for sheet in sheets]
+    tables = [(sheet.name, _table_in(path, sheet, separator, header, missing)) for sheet in sheets]
     if not tables:
         return TextTable(path, ",", None, None, ())
-    table = max(tables, key=lambda one: len(one.rows))
+    name, table = max(tables, key=lambda one: len(one[1].rows))
     notes = [] if encoding is None else [encoding]
-    name = sheets[tables.index(table)].name
     if name:
         notes.append(f"the sheet {name!r} of the workbook is read")
-    large = [
-        sheet.name
-        for sheet, one in zip(sheets, tables, strict=True)
-        if len(one.rows) >= max(2, MAX_SMALL_TABLE_SHARE * len(table.rows))
-    ]
+    least = max(2, MAX_SMALL_TABLE_SHARE * len(table.rows))
+    large = [one for one, own in tables if len(own.rows) >= least]
     problems = list(table.problems)
     if len(large) > 1:
         problems.append(
@@ -373,13 +366,11 @@ def _table_in(
 
 
 def _ahead(rows: Sequence[Row], between: str, first_line: int) -> Iterator[tuple[int, str]]:
-    """Return rows without numbers that were passed over ahead of the table.
-
-    Two cells of one say one thing.
-    """
+    """Return rows without numbers that were passed over ahead of the table."""
     for number, cells in rows:
         if number < first_line and all(kind_of(cell) != "number" for cell in cells):
             said = [cell for cell in cells if cell]
+            # Two cells say one thing.
             yield number, (" " if len(said) == 2 else between).join(said)
 
 
@@ -421,14 +412,13 @@ def _doubtful_marks(table: TextTable) -> Iterator[str]:
     """
     if not table.has_decimal_commas:
         return
-    points = table.cells_like(THOUSANDS_POINTS)
-    if points:
+    if points := table.cells_like(THOUSANDS_POINTS):
         line, cell = points[0]
         more = _and_more(len({number for number, _ in points}) - 1)
         yield (
-            f"{table.path}: line {line}: found {cell!r}{more} "
-            "beside decimal commas, expected no points in numbers: remove a point that separates "
-            "thousands, write a comma for a decimal one."
+            f"{table.path}: line {line}: found {cell!r}{more} beside decimal commas, expected no "
+            "points in numbers: remove a point that separates thousands, write a comma for a "
+            "decimal one."
         )
         return
     commas = table.cells_like(DECIMAL_COMMA)

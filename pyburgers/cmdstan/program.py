@@ -152,10 +152,7 @@ class Program:
         *,
         seed: int = 1,
     ) -> dict[str, FloatArray]:
-        """Return every variable of the program at a position of its parameters, if it has any.
-
-        Raises SamplingError if the program stops with an error.
-        """
+        """Return every variable of the program at a position of its parameters, if it has any."""
         with _inputs(data, position) as folder:
             self.run(
                 folder,
@@ -175,8 +172,7 @@ class Program:
     ) -> Draws:
         """Compute generated quantities of the draws in files, a chain for each file.
 
-        Files have seven columns ahead of the parameters. Raises Unsolved if the program stops at
-        some of the draws, SamplingError if it stops with an error.
+        Files have seven columns ahead of the parameters.
         """
         with _inputs(data) as folder:
             outputs = [folder / f"generated_{k}.csv" for k in range(len(files))]
@@ -196,9 +192,8 @@ class Program:
                     for one in ended:
                         one.require_not_killed()
                         if one.failed:
-                            raise SamplingError(
-                                f"Generated quantities failed: {one.console_tail()}"
-                            )
+                            why = one.console_tail()
+                            raise SamplingError(f"Generated quantities failed: {why}")
             if [rows_of_draws(file) for file in outputs] != [rows_of_draws(file) for file in files]:
                 raise Unsolved("The program has no solution at some of the draws.")
             return read_draws(outputs)
@@ -300,10 +295,7 @@ class Density:
         return np.where(np.isnan(found), -np.inf, found)
 
     def gradients(self, points: FloatArray) -> FloatArray:
-        """Return gradients, (n_points, n_coordinates), to six digits.
-
-        Raises SamplingError if the log density is not finite at a point.
-        """
+        """Return gradients, (n_points, n_coordinates), to six digits."""
         # CmdStan records the gradient of one step of vanishing length. Its method log_prob, which
         # takes points as they are, came later than `MINIMUM_VERSION`.
         method = [
@@ -315,12 +307,9 @@ class Density:
             for point in points:
                 write_stan_json(str(folder / POSITION), {COORDINATE: point})
                 self.program.run(folder, method, seed=1, failure="There is no gradient here")
+                trace = pd.read_csv(folder / TRACE, comment="#", encoding_errors="replace")
+                row = trace.iloc[0].filter(regex="^g_")
                 # Of the potential, which is minus the log density.
-                row = (
-                    pd.read_csv(folder / TRACE, comment="#", encoding_errors="replace")
-                    .iloc[0]
-                    .filter(regex="^g_")
-                )
                 found.append(-row.to_numpy(dtype=np.float64))
         return np.array(found)
 
@@ -364,17 +353,15 @@ class Density:
         return float(gradient @ covariance @ gradient) / 2
 
     def climb(self, start: FloatArray, *, seed: int) -> Ending:
-        """Climb from a place with L-BFGS; the end need not be a maximum.
-
-        Raises SamplingError if the program stops with an error, as when the climb leaves the region
-        with solutions.
-        """
+        """Climb from a place with L-BFGS; the end need not be a maximum."""
         with _inputs(self.data, {COORDINATE: start.tolist()}) as folder:
-            method = ["method=optimize", "algorithm=lbfgs", "iter=5000"]
-            # A line search that fails ends the climb where it is, often at the maximum.
-            end = "Line search failed"
             self.program.run(
-                folder, method, seed=seed, failure="The optimiser failed", tolerated=end
+                folder,
+                ["method=optimize", "algorithm=lbfgs", "iter=5000"],
+                seed=seed,
+                failure="The optimiser failed",
+                # It ends the climb where it is, often at the maximum.
+                tolerated="Line search failed",
             )
             draws = read_draws([folder / OUTPUT])
             variables = draws.at(0)
@@ -382,11 +369,7 @@ class Density:
             return Ending(float(draws["lp__"][0, 0]), place, variables)
 
     def ends(self, starts: Sequence[FloatArray], *, seed: int) -> list[Ending]:
-        """Climb from every start and return the ends, the best first.
-
-        Slow climbs are counted in messages. Raises ModeNotFound if the optimiser fails from all
-        starts.
-        """
+        """Climb from every start and return the ends, the best first; tell how far it has come."""
         found: list[Ending] = []
         told = time.monotonic()
         for number, place in enumerate(starts, start=1):

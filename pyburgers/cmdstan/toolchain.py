@@ -112,10 +112,7 @@ def _include_headers(translated: Path, headers: Sequence[Path]) -> None:
 
 
 def stan_directory() -> Path:
-    """Return the folder of the Stan programs: in an installed wheel, else in the checkout.
-
-    Raises ToolchainError if neither is there.
-    """
+    """Return the folder of the Stan programs: in an installed wheel, else in the checkout."""
     folder = shipped_folder("stan")
     if not folder.is_dir():
         raise ToolchainError(
@@ -131,10 +128,7 @@ def cmdstan_home() -> Path:
 
 
 def home_folder() -> Path:
-    """Return the user's home folder.
-
-    Raises ToolchainError if the system knows none.
-    """
+    """Return the user's home folder."""
     try:
         return Path.home()
     except RuntimeError as error:
@@ -144,10 +138,7 @@ def home_folder() -> Path:
 
 
 def find_cmdstan() -> Path | None:
-    """Return the CmdStan to use: ``$CMDSTAN``, else the newest usable one in ``~/.cmdstan``.
-
-    Raises ToolchainError if ``$CMDSTAN`` is set to something that is not a built CmdStan.
-    """
+    """Return the CmdStan to use: ``$CMDSTAN``, else the newest usable one in ``~/.cmdstan``."""
     chosen = os.environ.get("CMDSTAN")
     if chosen:
         path = chosen_folder(chosen)
@@ -163,11 +154,7 @@ def find_cmdstan() -> Path | None:
 
 
 def chosen_folder(name: str) -> Path:
-    """Return the folder that an environment variable names, as a full path.
-
-    Raises ToolchainError if it begins with the home folder of an unknown user, or is relative to
-    none.
-    """
+    """Return the folder that an environment variable names, as a full path."""
     try:
         # `given_path` leaves the home of an unknown user as it is; here it is an error.
         return Path(name).expanduser().absolute()
@@ -176,10 +163,7 @@ def chosen_folder(name: str) -> Path:
 
 
 def cmdstan_version(cmdstan: Path) -> str:
-    """Return the version of the CmdStan in folder `cmdstan`, for example ``"2.27.0"``.
-
-    Raises ToolchainError if its makefile does not name one.
-    """
+    """Return the version of the CmdStan in folder `cmdstan`, for example ``"2.27.0"``."""
     match = _version_match(cmdstan)
     if match is None:
         raise ToolchainError(f"{cmdstan / 'makefile'} does not name a version of CmdStan.")
@@ -209,11 +193,8 @@ def cmdstan_defect(cmdstan: Path) -> str | None:
 
 
 def compiler_version() -> str:
-    """Return the first line that the C++ compiler says about its version.
-
-    The compiler is ``$CXX``, else clang++ on macOS and g++ elsewhere, as in CmdStan's makefile.
-    Raises MissingToolError if it is missing or does not work.
-    """
+    """Return the first line that the C++ compiler says about its version."""
+    # As in CmdStan's makefile.
     default = "clang++" if platform.system() == "Darwin" else "g++"
     chosen = os.environ.get("CXX", "")
     try:
@@ -224,19 +205,12 @@ def compiler_version() -> str:
 
 
 def make_version() -> str:
-    """Return the first line that make says about its version.
-
-    Raises MissingToolError if it is missing or does not work.
-    """
+    """Return the first line that make says about its version."""
     return _tool_version(["make"], "build tool")
 
 
 def toolchain(cmdstan: Path) -> Toolchain:
-    """Return the tools that compile programs with a CmdStan.
-
-    Raises MissingToolError if the compiler or make is missing; ToolchainError if `cmdstan` is not a
-    built CmdStan.
-    """
+    """Return the tools that compile programs with a CmdStan."""
     defect = cmdstan_defect(cmdstan)
     if defect is not None:
         raise ToolchainError(f"{cmdstan} {defect}.")
@@ -251,25 +225,17 @@ def toolchain(cmdstan: Path) -> Toolchain:
 
 def compile_flags(cmdstan: Path) -> tuple[str, ...]:
     """Return the settings of `Toolchain.compile_flags`."""
-    chosen = [name for name in _COMPILER_VARIABLES if os.environ.get(name)]
-    files = (cmdstan / "make" / "local", home_folder() / ".config" / "stan" / "make.local")
-    lines = (
-        line.strip()
-        for file in files
-        if file.is_file()
-        for line in file.read_text(encoding="utf-8", errors="replace").splitlines()
-    )
-    return (
-        *(f"{name}={os.environ[name]}" for name in chosen),
-        *(line for line in lines if line and not line.startswith("#")),
-    )
+    flags = [f"{name}={os.environ[name]}" for name in _COMPILER_VARIABLES if os.environ.get(name)]
+    for file in (cmdstan / "make" / "local", home_folder() / ".config" / "stan" / "make.local"):
+        if file.is_file():
+            text = file.read_text(encoding="utf-8", errors="replace")
+            lines = map(str.strip, text.splitlines())
+            flags += [line for line in lines if line and not line.startswith("#")]
+    return tuple(flags)
 
 
 def folder_for_make() -> Path:
-    """Return a folder for temporary files whose path make and its shell take as it is.
-
-    Raises ToolchainError if there is none.
-    """
+    """Return a folder for temporary files whose path make and its shell take as it is."""
     usual = Path(tempfile.gettempdir())
     for folder in (usual, Path("/tmp"), Path("/var/tmp")):
         if MAKE_TAKES.fullmatch(str(folder)) and os.access(folder, os.W_OK | os.X_OK):

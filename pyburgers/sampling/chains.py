@@ -75,10 +75,7 @@ def bars(chains: Sequence[int], total: int, stream: TextIO) -> Iterator[Advance]
 
 
 def quarter_messages(chains: Sequence[int], total: int) -> Advance:
-    """Return what logs a line for each quarter of all chains together, with the time left.
-
-    Of slow chains there is one more, after `PATIENCE`.
-    """
+    """Return what logs a line for each quarter of all chains together, with the time left."""
     return _in_steps(chains, total, 4, lambda _, text: logger.info(text), PATIENCE)
 
 
@@ -101,10 +98,7 @@ def _in_steps(
     show: Callable[[float, str], None],
     patience: float = np.inf,
 ) -> Advance:
-    """Return what shows the share that all chains together have done, in steps, and a text.
-
-    The first time it does after `patience` (s) at the latest.
-    """
+    """Return what shows the share that all chains have done, first after `patience` (s) at most."""
     done = dict.fromkeys(chains, 0)
     started, last = time.monotonic(), 0
     is_shown = False
@@ -201,8 +195,7 @@ def run_side_by_side(
     """Run chains side by side, as many as the options say, and return those that did not finish.
 
     The run directory is claimed, with Stan data and initial values. With an extension finished
-    chains go on, without one they start. All are stopped on an interrupt. Raises `SamplingError` if
-    the system starts no process.
+    chains go on, without one they start. All are stopped on an interrupt.
     """
     active: dict[Running, _Chain] = {}
     before = {chain: _before(run, chain, extension) for chain in chains}
@@ -213,38 +206,33 @@ def run_side_by_side(
             active[one.running] = one
             yield one.running
 
-    failures: list[ChainFailure | None] = []
-    limit = options.chain_timeout
+    failures: list[ChainFailure] = []
     warmup = options.warmup_iterations if None in before.values() else 0
     total = warmup + (extension.draws if extension else options.draws)
+    at_once, limit = chains_at_once(options), options.chain_timeout
     try:
         with (
             shown_progress(chains, total) as advance,
-            closing(
-                side_by_side(starting(), at_once=chains_at_once(options), limit=limit)
-            ) as looks,
+            closing(side_by_side(starting(), at_once=at_once, limit=limit)) as looks,
         ):
             for running, ended in looks:
                 for one in (active[process] for process in running):
                     for iteration, phase in one.console.new_iterations():
                         advance(one.identifier, iteration, phase)
-                failures += [
-                    _keep_chain(run, active[process], options.draws, extension) for process in ended
-                ]
+                kept = (_keep_chain(run, active[one], options.draws, extension) for one in ended)
+                failures += [failure for failure in kept if failure is not None]
     except BaseException:
         run.update_manifest({"status": "interrupted"})
         raise
-    found = (failure for failure in failures if failure is not None)
-    return tuple(sorted(found, key=lambda failure: failure.chain))
+    return tuple(sorted(failures, key=lambda failure: failure.chain))
 
 
 @dataclass(frozen=True, eq=False)
 class _Chain:
     """A chain that runs or has run: its identifier, its process, and what that prints.
 
-    It goes on from one that has taken `seconds_before` (s), or starts.
-
-    The folder of the console is a scratch folder for all files of the chain.
+    It goes on from one that has taken `seconds_before` (s), or starts. The folder of the console is
+    a scratch folder for all files of the chain.
     """
 
     identifier: int
@@ -283,13 +271,8 @@ def _start_chain(
         last = read_draws([before.draws_file])
         # The file of draws has no column of a vector without elements.
         first = read_json(run.initial_values_file(chain))
-        write_json(
-            start,
-            {
-                name: last[name][0, -1].tolist() if name in last else value
-                for name, value in first.items()
-            },
-        )
+        place = {name: last[name][0, -1].tolist() for name in first if name in last}
+        write_json(start, {**first, **place})
         # Extensions and repetitions with shorter steps have random numbers of their own.
         number = [before.number] if extension else [0, before.number]
         seed = int(np.random.SeedSequence([seed, *number]).generate_state(1)[0] >> 1)
@@ -315,19 +298,15 @@ def _start_chain(
 def _arguments_of_warmup(run: RunDirectory, options: SamplerOptions) -> list[str]:
     """Return the first step and metric of a chain, and how they adapt."""
     warmup = options.warmup_iterations
-    first_metric = (
-        [f"stepsize={FIRST_STEP}", "metric=dense_e", f"metric_file={run.metric_file}"]
-        if run.metric_file.is_file()
-        else ["metric=dense_e"]
-    )
-    last = int(STEP_SIZE_SHARE * warmup)
+    first_metric = ["metric=dense_e"]
+    if run.metric_file.is_file():
+        first_metric += [f"stepsize={FIRST_STEP}", f"metric_file={run.metric_file}"]
+    first, last = int(FIRST_PHASE_SHARE_OF_VALLEY * warmup), int(STEP_SIZE_SHARE * warmup)
     phases = {"init_buffer": int(FIRST_PHASE_SHARE * warmup), "term_buffer": last}
     manifest = run.read_manifest()
     if "first_window" in manifest:
-        first = int(FIRST_PHASE_SHARE_OF_VALLEY * warmup)
         phases |= {"init_buffer": first, "window": min(manifest["first_window"], warmup // 2)}
     if manifest.get("coordinates", {}).get("system") == "valley":
-        first = int(FIRST_PHASE_SHARE_OF_VALLEY * warmup)
         phases |= {"init_buffer": first, "window": warmup - first - last}
     return [
         *first_metric,
@@ -352,24 +331,23 @@ def _keep_chain(
     n_draws = extension.draws if extension else n_draws
     running = one.running
     scratch = running.console.parent
+    draws, finished = scratch / "draws.csv", scratch / "finished"
     if running.failed:
         return _explain_failure(run, one)
     try:
         # A full disk can cut a file short though the process ends well.
-        (_, found, _) = read_draws([scratch / "draws.csv"]).values.shape
+        (_, found, _) = read_draws([draws]).values.shape
     except ValueError as error:
         return _explain_failure(run, one, str(error))
     if found != n_draws:
         return _explain_failure(run, one, f"found {found}, expected {n_draws}")
-    finished = scratch / "finished"
     finished.mkdir()
     seconds, number = one.seconds_before + running.seconds, 0
     if extension is None:
-        (scratch / "draws.csv").rename(finished / "draws.csv")
+        draws.rename(finished / "draws.csv")
     else:
         number = extension.number
-        before = run.draws_file(one.identifier, number - 1)
-        join_draws(before, scratch / "draws.csv", finished / "draws.csv")
+        join_draws(run.draws_file(one.identifier, number - 1), draws, finished / "draws.csv")
     running.console.rename(finished / "console.txt")
     run.keep_chain(one.identifier, finished, wall_seconds=seconds, extension=number)
     shutil.rmtree(scratch)
@@ -377,10 +355,7 @@ def _keep_chain(
 
 
 def _explain_failure(run: RunDirectory, one: _Chain, defect: str = "") -> ChainFailure:
-    """Put into one sentence what ended a chain, where, and what to try; keep its console.
-
-    `defect` says what is wrong with the draws of a process that ended well.
-    """
+    """Put into one sentence what ended a chain, or is wrong with its draws, and what to try."""
     chain, running = one.identifier, one.running
     code, text = running.process.returncode, running.printed()
     run.failure_file(chain).parent.mkdir(exist_ok=True)

@@ -43,10 +43,8 @@ def weighed_modes(density: Density, ends: Sequence[Ending]) -> list[tuple[float,
         return found
     try:
         covariance = density.laplace(highest.place)
-    except SamplingError:
-        return (
-            found  # at the edge of where the solver has solutions nothing can be weighed against it
-        )
+    except SamplingError:  # at the edge of where the solver has solutions, nothing can be weighed
+        return found
     known = [(highest.place, covariance)]
     log_weight = highest.log_density + _log_volume(covariance)
     for end in candidates:
@@ -130,8 +128,7 @@ def draw_around(
     """Draw a start, (n_coordinates,), around a mode, again where the solver finds no solution.
 
     The covariance is that of `Density.laplace`: as wide as the prior where data say little. The
-    start depends on seed and chain alone. Raises `SamplingError` if none of `START_ATTEMPTS` draws
-    has a solution.
+    start depends on seed and chain alone.
     """
     rng = np.random.default_rng([seed, chain])
     factor = np.linalg.cholesky(covariance)

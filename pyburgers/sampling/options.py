@@ -41,9 +41,10 @@ RETIRED = ("threads_per_chain",)
 """Entries that manifests may hold beside the options, without effect."""
 
 
-def _option(name: str) -> str:
-    """Say which option of the command line gives a field, at the end of a sentence."""
-    return f" (option --{name.replace('_', '-')})"
+def _refused(name: str, found: object, expected: str) -> InputError:
+    """Return the error of a value, which names the option of the command line that gives it."""
+    option = f"--{name.replace('_', '-')}"
+    return InputError(f"{name} is {found}, expected {expected} (option {option}).")
 
 
 SOME_OPTIONS = "options, as of pyburgers.SamplerOptions"
@@ -97,31 +98,22 @@ class SamplerOptions:
         """Check the values; raise `InputError` if one is out of range."""
         for name, (least, most) in LIMITS.items():
             value = getattr(self, name)
-            if value is not None:
-                require_type(name, value, Integral, "a whole number")
-            if value is not None and not least <= value <= most:
-                raise InputError(
-                    f"{name} is {value}, expected a number from {least} to {most}{_option(name)}."
-                )
-        if self.adapt_delta is not None and not 0 < self.adapt_delta < 1:
-            raise InputError(
-                f"adapt_delta is {self.adapt_delta}, expected between 0 and 1"
-                f"{_option('adapt_delta')}."
-            )
+            if value is None:
+                continue
+            require_type(name, value, Integral, "a whole number")
+            if not least <= value <= most:
+                raise _refused(name, value, f"a number from {least} to {most}")
+        delta, minutes, timeout = self.adapt_delta, self.max_minutes, self.chain_timeout
+        if delta is not None and not 0 < delta < 1:
+            raise _refused("adapt_delta", delta, "between 0 and 1")
         if self.coordinates not in COORDINATES:
             raise InputError(
                 f"coordinates is {self.coordinates!r}, expected one of {', '.join(COORDINATES)}."
             )
-        if self.max_minutes is not None and not 0 <= self.max_minutes < math.inf:
-            raise InputError(
-                f"max_minutes is {self.max_minutes}, expected a number of minutes or 0"
-                f"{_option('max_minutes')}."
-            )
-        if self.chain_timeout is not None and not 0 < self.chain_timeout < math.inf:
-            raise InputError(
-                f"chain_timeout is {self.chain_timeout} s, expected a finite number above 0"
-                f"{_option('chain_timeout')}."
-            )
+        if minutes is not None and not 0 <= minutes < math.inf:
+            raise _refused("max_minutes", minutes, "a number of minutes or 0")
+        if timeout is not None and not 0 < timeout < math.inf:
+            raise _refused("chain_timeout", f"{timeout} s", "a finite number above 0")
 
     @property
     def warmup_iterations(self) -> int:
@@ -138,17 +130,14 @@ class SamplerOptions:
 
 
 def options_table(*, settled: bool, without: Container[str] = ()) -> type[Table]:
-    """Return the table of a file that holds the options but for some.
-
-    If they are settled, those that decide the draws and the number of chains have to be there, and
-    all lie within their limits.
-    """
+    """Return the table of a file that holds the options but for some, within limits if settled."""
     keys: dict[str, Any] = {}
     hints = get_type_hints(SamplerOptions)
     for option in fields(SamplerOptions):
         name, hint, default = option.name, hints[option.name], option.default
         if name in without:
             continue
+        # What decides the draws, and the number of chains, has to be there.
         if settled and name not in INDECISIVE - {"chains"}:
             hint, default = next(iter(get_args(hint)), hint), ...
         least, most = LIMITS.get(name, (None, None)) if settled else (None, None)

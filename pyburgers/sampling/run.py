@@ -31,10 +31,6 @@ logger = logging.getLogger(__name__)
 
 PACKAGES = ("pyburgers", "cmdstanpy", "arviz", "numpy", "scipy", "pandas", "xarray")
 
-DECISIVE_DIGITS = 6
-"""Significant digits with which data tell one problem from another, see `decisive`."""
-
-
 INTERRUPTED = frozenset({"sampling", "interrupted", "sampled"})
 """Status of runs that were stopped before they were complete, for no fault of a chain."""
 
@@ -46,7 +42,7 @@ def decisive(content: Any) -> Any:
     and a run is to go on wherever it is taken.
     """
     if isinstance(content, float):
-        return f"{content + 0.0:.{DECISIVE_DIGITS - 1}e}"
+        return f"{content + 0.0:.5e}"
     if isinstance(content, dict):
         return {name: decisive(part) for name, part in content.items()}
     if isinstance(content, (list, tuple)):
@@ -77,8 +73,7 @@ def complete_chains(
     The directory has its inputs, Stan data and manifest; `draw_start` is called for the start of a
     chain, by its identifier, if the directory has none. After an earlier extension that was
     interrupted every chain is extended by `more_draws`: it goes on where it ended, with its step
-    size and metric, and the draws that are there stay. Raises `SamplingError` if no chain finished,
-    now or before, or one could not be extended, `SystemFailureError` if the system ended them.
+    size and metric, and the draws that are there stay.
     """
     wanted = range(1, options.chains + 1)
     missing = [chain for chain in wanted if chain not in run.finished_chains()]
@@ -126,9 +121,7 @@ def _error_of(failures: Sequence[ChainFailure], what: str) -> PyburgersError:
 def draws_to_add(run: RunDirectory, more_draws: int, *, overwrite: bool) -> tuple[int | None, str]:
     """Return how many draws are to be added to a run, and its command, which makes its first draws.
 
-    None are added if the same number was asked for before and that command was interrupted. Raises
-    `InputError`, before anything is done, if the number is out of range, there is no run, or it may
-    be removed.
+    None are added if the same number was asked for before and that command was interrupted.
     """
     require_type("more_draws", more_draws, Integral, "a whole number")
     option = f"--more-draws {more_draws}"
@@ -220,7 +213,7 @@ def run_record(
     """Note in one record what will run: what is asked for, command, versions, hashes of the inputs.
 
     The directory has inputs and Stan data; `name` and `data_kind` are those of experiment or table,
-    `identity` is the `fingerprint`, `made_by` has the command and versions that make the draws.
+    `identity` is the `fingerprint`, `made_by` is as of `as_recorded`.
     """
     read_by_chains = [file for file in (run.stan_data_file, run.metric_file) if file.is_file()]
     return {
@@ -236,10 +229,8 @@ def run_record(
 def origin_record(
     run: RunDirectory, made_by: Mapping[str, Any], inputs: Sequence[Path]
 ) -> dict[str, Any]:
-    """Note what regenerates a folder: command, versions, hashes of the inputs; and that it runs.
-
-    If the folder holds a part of the same already, it was begun when that says.
-    """
+    """Note what regenerates a folder: command, versions, hashes of the inputs; and that it runs."""
+    # A folder that holds a part of the same was begun when that says.
     known = run.read_manifest() if run.manifest_file.is_file() else {}
     return {
         **made_by,

@@ -56,55 +56,44 @@ REMEDY = (
 """What to do about a file that is not as the run wrote it."""
 
 
+class _Place:
+    """A file or folder of every run, by its path in the run directory."""
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+
+    def __get__(self, run: "RunDirectory", _: object) -> Path:
+        """Return where it is in a run."""
+        return run.path / self._name
+
+
 @dataclass(frozen=True)
 class RunDirectory:
     """Files of one run below its `path`, what it notes of them, and who may write them."""
 
     path: Path
 
-    @property
-    def manifest_file(self) -> Path:
-        """Command, seeds, versions, hashes, wall times, status."""
-        return self.path / "manifest.json"
-
-    @property
-    def inputs(self) -> Path:
-        """Self-contained copies of tests and priors."""
-        return self.path / "inputs"
+    # Command, seeds, versions, hashes, wall times, status.
+    manifest_file = _Place("manifest.json")
+    # Self-contained copies of tests and priors.
+    inputs = _Place("inputs")
+    # Copy of the priors, as given.
+    priors_file = _Place("inputs/priors.toml")
+    # Data that every chain read.
+    stan_data_file = _Place("stan_data.json")
+    # First metric of the sampler; absent where it starts from the unit metric.
+    metric_file = _Place("metric.json")
+    # Labelled draws.
+    posterior_file = _Place("posterior.nc")
+    # Verdicts of the checks.
+    checks_file = _Place("checks.json")
+    # Posterior table.
+    summary_file = _Place("summary.csv")
+    _scratch = _Place(".scratch")
 
     def test_file(self, name: str) -> Path:
         """Copy of a test."""
         return self.inputs / "tests" / name / "experiment.toml"
-
-    @property
-    def priors_file(self) -> Path:
-        """Copy of the priors, as given."""
-        return self.inputs / "priors.toml"
-
-    @property
-    def stan_data_file(self) -> Path:
-        """Data that every chain read."""
-        return self.path / "stan_data.json"
-
-    @property
-    def metric_file(self) -> Path:
-        """First metric of the sampler; absent where it starts from the unit metric."""
-        return self.path / "metric.json"
-
-    @property
-    def posterior_file(self) -> Path:
-        """Labelled draws."""
-        return self.path / "posterior.nc"
-
-    @property
-    def checks_file(self) -> Path:
-        """Verdicts of the checks."""
-        return self.path / "checks.json"
-
-    @property
-    def summary_file(self) -> Path:
-        """Posterior table."""
-        return self.path / "summary.csv"
 
     def initial_values_file(self, chain: int) -> Path:
         """Start of one chain."""
@@ -144,16 +133,13 @@ class RunDirectory:
         return self.path / "failures" / f"chain_{chain}.txt"
 
     def finished_chains(self) -> tuple[int, ...]:
-        """Return the identifiers of the chains that are complete, in order.
-
-        Raise `InputError` if their folder cannot be read: that does not mean that there are none.
-        """
+        """Return the identifiers of the chains that are complete, in order."""
         folder = self.path / "chains"
         try:
             names = [entry.name for entry in folder.iterdir()]
         except FileNotFoundError:
             return ()
-        except OSError as error:
+        except OSError as error:  # that does not mean that there are none
             raise InputError(f"{folder}: cannot be read ({error.strerror}).") from error
         found = (re.fullmatch(r"chain_([1-9]\d{0,5})", name) for name in names)
         return tuple(sorted(int(name[1]) for name in found if name is not None))
@@ -169,10 +155,7 @@ class RunDirectory:
             )
 
     def read_manifest(self, structure: type[TableT] | None = None) -> dict[str, Any]:
-        """Read the manifest, and check that it holds a `structure` if one is given.
-
-        Raises `InputError` if the directory is no run or its manifest was damaged or edited.
-        """
+        """Read the manifest, and check that it holds a `structure` if one is given."""
         if not self.manifest_file.is_file():
             raise InputError(
                 f"{self.path}: not a run directory, expected a folder that holds manifest.json."
@@ -203,7 +186,7 @@ class RunDirectory:
         write_json(self.manifest_file, sealed(content))
 
     def read_stan_data(self) -> dict[str, Any]:
-        """Read the data that every chain read; raise `InputError` if the file was damaged."""
+        """Read the data that every chain read."""
         return read_json(self.stan_data_file)
 
     def hashes(self, files: Sequence[Path]) -> dict[str, str]:
@@ -228,10 +211,7 @@ class RunDirectory:
         return {str(one): self.chain_record(one, extension).model_dump() for one in chains}
 
     def require_unchanged(self) -> None:
-        """Raise `InputError`, which names them all, if files differ from the noted hashes.
-
-        Draws that can be made again may be missing.
-        """
+        """Raise `InputError`, which names them all, if files differ from the noted hashes."""
         self._compare(self.read_manifest(), sha256_of_file)
 
     @contextmanager
@@ -241,8 +221,7 @@ class RunDirectory:
         """Give a private copy of the noted files, of the bytes whose hash was compared.
 
         Whoever reads the copy reads nothing that came into the directory after the comparison with
-        the hashes in `manifest`. The chains are only compared unless `with_draws` asks for them
-        too. Raises as `require_unchanged`.
+        the hashes in `manifest`. The chains are only compared unless `with_draws` asks for them.
         """
         with scratch_folder() as folder:
             copy = RunDirectory(folder)
@@ -260,6 +239,7 @@ class RunDirectory:
         """Compare files with what a manifest and the chains note of them."""
         recorded = checked(self.manifest_file, manifest, RecordedHashes)
         noted = dict(recorded.hashes)
+        # Draws that can be gathered again may be missing.
         if self.posterior_file.is_file() and recorded.posterior_sha256 is not None:
             noted[self.posterior_file.name] = recorded.posterior_sha256
         wrong = [
@@ -301,9 +281,7 @@ class RunDirectory:
         """Hold the directory, with `folders` in it, for a run with these inputs, new or continued.
 
         A second process is kept out; a killed process lets go. `shared` says that others with the
-        same inputs may be at work in it: it is waited for, and nothing in it is cleared. Raises
-        `InputError` if the directory holds another run or other files or cannot be written, a file
-        of the run has changed, or another process runs here.
+        same inputs may be at work in it: it is waited for, and nothing in it is cleared.
         """
         self._refuse_others(fingerprint)
         with self._locked(PATIENCE if shared else 0.0):
@@ -382,10 +360,7 @@ class RunDirectory:
         self.write_manifest({"fingerprint": fingerprint, "status": "claimed"})
 
     def clear(self, fingerprint: str) -> None:
-        """Remove the run, and nothing else that may lie here, to make place for another one.
-
-        Raises `InputError` if another process runs here, or files cannot be removed.
-        """
+        """Remove the run, and nothing else that may lie here, to make place for another one."""
         with self._locked(0.0):
             try:
                 for entry in self.path.iterdir():
@@ -400,10 +375,6 @@ class RunDirectory:
             except OSError as error:
                 raise InputError(f"{self.path}: cannot be removed ({error.strerror}).") from error
 
-    @property
-    def _scratch(self) -> Path:
-        return self.path / ".scratch"
-
     def new_scratch(self) -> Path:
         """Return a new folder for files that are not finished."""
         folder = self._scratch / uuid.uuid4().hex
@@ -411,10 +382,7 @@ class RunDirectory:
         return folder
 
     def supersede_chains(self, name: str, chains: Sequence[int]) -> str:
-        """Put finished chains aside under a name, and return where they are in the directory.
-
-        What was made of them is removed.
-        """
+        """Put finished chains aside under a name, remove their results, return where they are."""
         aside = self.path / "superseded" / name
         # A run killed in the midst of this was sampled again: the same chains.
         shutil.rmtree(aside, ignore_errors=True)

@@ -69,11 +69,9 @@ def draw_values(
 
     A shared parameter has the value of all tests, a partially pooled one is drawn from centre and
     spread, a separate one is that of a test of the fit, all separate ones of a draw of the same.
-    `draws`: how many are kept, evenly spaced; None keeps all. `separate_from`: test that separate
-    parameters are taken from; None takes each in turn, InputError if it is no test of the fit.
-    `new_sample`: whether the microstructure is that of another sample.
-    Numbers count from 0 through all chains; numbers and values have the shape (n_kept,). A
-    discrepancy of the law is a share of the response of its test.
+    `draws`, `separate_from`, `new_sample` are as of `predict_test`. Numbers count from 0 through
+    all chains; numbers and values have the shape (n_kept,). A discrepancy of the law is a share of
+    the response of its test.
     """
     problem, tests = source.problem, source.tests
     if separate_from is not None and separate_from not in tests:
@@ -113,10 +111,8 @@ def draw_values(
         values[name] = of_new_test(problem, source.posterior, name, kept, rng)
     notes = []
     if problem.partial:
-        notes.append(
-            f"A new test's own {_listed(problem.partial)} drawn from the centre and spread of the "
-            "tests."
-        )
+        partial = _listed(problem.partial)
+        notes.append(f"A new test's own {partial} drawn from the centre and spread of the tests.")
     elsewhere = {*problem.shared, *problem.partial, *TEST_PARAMETERS, *CONDITIONS}
     separate = [name for name in problem.free if name not in elsewhere]
     if separate:
@@ -130,8 +126,7 @@ def draw_values(
 def _over_response(test: FittedTest, values: Mapping[str, FloatArray]) -> FloatArray:
     """Return the discrepancy of a fitted test as a share of its response, (n_draws,).
 
-    The share is that of the root mean square over all readings, each in its reading errors.
-    `values` (n_draws,): parameters of the test by name (SI).
+    The response is the root mean square over all readings, each in its reading errors.
     """
     read = likelihood_of(test.experiment).read
     response = all_draws(response_in(test.posterior, "model_response")).mean(axis=0)
@@ -148,10 +143,10 @@ def apparatus_values(
     kept: npt.NDArray[np.int64],
     rng: np.random.Generator,
 ) -> tuple[dict[str, FloatArray], list[str]]:
-    """Return what belongs to a test and its apparatus (SI), and where it is from.
+    """Return `TEST_PARAMETERS` of a test by name (SI), and where they are from.
 
-    That of a test which was fitted itself is what the fit inferred for it. That of any other one is
-    as its file states it, or none. The result: `TEST_PARAMETERS` by name (SI).
+    Those of a test which was fitted itself are what the fit inferred for it. Those of any other one
+    are as its file states them, or none.
     """
     fitted = _that_was_fitted(source, experiment)
     drawn = xr.Dataset() if fitted is None else fitted.posterior["posterior"].to_dataset()
@@ -188,31 +183,27 @@ def _same_of_a_test(fitted: Experiment, experiment: Experiment) -> list[str]:
     """Return which of `TEST_PARAMETERS` the file of the same test states as when it was fitted."""
     if not _is_same_test(fitted, experiment):
         return []
-    before, now = (
-        {name: (one.value, one.sd) for name, one in test.stated.items()}
-        for test in (fitted, experiment)
-    )
-    none = (np.nan, np.nan)
-    return [
-        name
-        for name in TEST_PARAMETERS
-        if np.allclose(
-            before.get(name, none), now.get(name, none), rtol=1e-9, atol=0.0, equal_nan=True
+    none, same = (np.nan, np.nan), []
+    for name in TEST_PARAMETERS:
+        before, now = (
+            (test.stated[name].value, test.stated[name].sd) if name in test.stated else none
+            for test in (fitted, experiment)
         )
-    ]
+        if np.allclose(before, now, rtol=1e-9, atol=0.0, equal_nan=True):
+            same.append(name)
+    return same
 
 
 def with_modulus_there(
     values: Mapping[str, FloatArray], fitted: Sequence[Experiment], experiment: Experiment
 ) -> tuple[dict[str, FloatArray], list[str]]:
-    """Return values of a test that knows no change of E_M with temperature, if fits have one.
+    """Return values with E_M at the temperature of a test that knows no change, if fits have one.
 
-    `values` (n_kept,): parameters by name (SI). E_M is that at the temperature of the test.
+    `values` (n_kept,): parameters by name (SI).
     """
     is_felt = all(MODULUS_CHANGE not in one.without_effect for one in fitted)
-    if not (is_felt and MODULUS_CHANGE in experiment.without_effect):
-        return dict(values), []
-    if not np.any(values.get(MODULUS_CHANGE, 0.0)):
+    is_felt_here = MODULUS_CHANGE not in experiment.without_effect
+    if not is_felt or is_felt_here or not np.any(values.get(MODULUS_CHANGE, 0.0)):
         return dict(values), []
     there = maxwell_modulus_at(values, experiment.temperature)
     note = f"The Maxwell modulus is that at {experiment.temperature:g} K in the whole test."
@@ -225,17 +216,14 @@ def parameters_for_other_test(
     """Return parameters of a fitted test (SI) as predictions of another one take them, and notes.
 
     What belongs to the apparatus of the fitted test is left out, where the other one is not known
-    to have the same. Raise InputError if the other test is of another material.
+    to have the same.
     """
     require_same_material(fitted, experiment)
-    alike = {
+    alike = {*_same_of_a_test(fitted, experiment)}
+    alike |= {
         one.parameter for one in experiment.uncertain if _same_apparatus(fitted, experiment, one)
     }
-    others = (
-        {*TEST_PARAMETERS, *CONDITIONS, *ENVIRONMENT}
-        - alike
-        - {*_same_of_a_test(fitted, experiment)}
-    )
+    others = {*TEST_PARAMETERS, *CONDITIONS, *ENVIRONMENT} - alike
     own = {name: np.asarray(value) for name, value in values.items() if name not in others}
     there, notes = with_modulus_there(own, [fitted], experiment)
     return {name: float(value) for name, value in there.items()}, notes
@@ -275,11 +263,8 @@ def add_condition_errors(
     both were made with the same apparatus.
     `kept` (n_kept,): numbers of the draws. `values` (n_kept,): parameters by name (SI).
     """
-    others = {
-        name: own
-        for name, own in values.items()
-        if name not in CONDITIONS and name not in ENVIRONMENT
-    }
+    left_out = {*CONDITIONS, *ENVIRONMENT}
+    others = {name: own for name, own in values.items() if name not in left_out}
     others |= {name: np.full(kept.size, value) for name, value in experiment.environment.items()}
     notes = []
     for condition in experiment.uncertain:
@@ -314,8 +299,7 @@ def add_noises(
     """Return values with the noise of new readings: that of the fit, a stated one, or none.
 
     `values` (n_kept,): parameters by name (SI). `separate_from`: the test that those which tests
-    do not share are of; None if they are of all. Quantities that are not read have no noise. Raise
-    InputError if there are readings whose noise nobody knows.
+    do not share are of; None if they are of all. Quantities that are not read have no noise.
     """
     found, notes = dict(values), []
     n_draws = len(next(iter(values.values())))
@@ -387,11 +371,7 @@ def laws_of_grains(fitted: ModelVariant) -> dict[str, str]:
 def transfer_laws(
     priors: PriorSet, fitted: Problem, experiment: Experiment
 ) -> tuple[PriorSet, list[str]]:
-    """Return priors that give a test the laws of a fit, as far as such a test has them, and notes.
-
-    Raise InputError if the test needs a law that the fit has not.
-    """
-    notes = []
+    """Return priors that give a test the laws of a fit, as far as it can have them, and notes."""
     laws = fitted.variant
     if laws.residuals not in experiment.laws.get("residuals", (laws.residuals,)):
         standard = (
@@ -409,12 +389,11 @@ def transfer_laws(
         )
     priors = with_variant(priors, experiment, grains)
     here = variant_of(priors, experiment).record()
-    notes += [
+    return priors, [
         f"{part.replace('_', ' ').capitalize()}: {here[part]} in such a test, {law} in the fit."
         for part, law in laws.record().items()
         if here[part] != law
     ]
-    return priors, notes
 
 
 def _listed(names: Sequence[str]) -> str:

@@ -69,28 +69,19 @@ def carry_discrepancy(
         return found, []
     likelihood, first = likelihood_of(experiment), fitted.experiments[0]
     here, there = experiment.residual_correlation, first.residual_correlation
-    known = _known_noises(fitted)
+    known = {name for test in fitted.experiments for name in test.noises}
     unknown = [name for name in experiment.noises if name not in known]
     takes_one = "discrepancy" in experiment.laws.get("residuals", ("discrepancy",))
-    alone = (
-        "The fit knows the discrepancy of its law in readings of "
-        f"{_names_of(known)} alone: new readings"
-    )
+    why = f"The fit knows the discrepancy of its law in readings of {_names_of(known)} alone"
+    if not takes_one:
+        why = f"Tests of the protocol {experiment.protocol} take no discrepancy of the law"
     stays_apart = len(unknown) < len(experiment.noises) and all(
         experiment.noises[name] is None for name in unknown
     )
     if not (takes_one and stays_apart):
-        found |= {
-            name: np.full_like(values["discrepancy"], STANDARD_VALUES[name])
-            for name in ("discrepancy", here)
-        }
-        why = (
-            alone
-            if takes_one
-            else f"Tests of the protocol {experiment.protocol} take no discrepancy of the law: "
-            "new readings"
-        )
-        return found, [f"{why}{NONE_HERE}"]
+        for name in ("discrepancy", here):
+            found[name] = np.full_like(values["discrepancy"], STANDARD_VALUES[name])
+        return found, [f"{why}: new readings{NONE_HERE}"]
     at = np.unique(experiment.position) if experiment.n_points else likelihood.grid(experiment)
     mean = {name: float(own.mean()) for name, own in values.items()}
     solution = solve(experiment, {**mean, "discrepancy": 0.0}, at, solver=REFERENCE_SOLVER)
@@ -106,12 +97,8 @@ def carry_discrepancy(
         spans = [one.span[1] - one.span[0] for one in (experiment, first)]
         found[here] = values[there] * (spans[0] / spans[1])
         found[there] = np.full_like(values[there], STANDARD_VALUES[there])
-    return found, [f"{alone} of {_names_of(unknown)}{NONE_HERE}"] if unknown else []
-
-
-def _known_noises(fitted: Problem) -> set[str]:
-    """Return the noises of what a fit reads."""
-    return {name for test in fitted.experiments for name in test.noises}
+    notes = [f"{why}: new readings of {_names_of(unknown)}{NONE_HERE}"] if unknown else []
+    return found, notes
 
 
 def _names_of(noises: Collection[str]) -> str:
@@ -131,7 +118,8 @@ def discrepancy_sentences(
     discrepancy = values.get("discrepancy", np.zeros(1))
     if not discrepancy.any():
         return []
-    likelihood, known = likelihood_of(experiment), _known_noises(fitted)
+    likelihood = likelihood_of(experiment)
+    known = {name for test in fitted.experiments for name in test.noises}
     at = predictions[likelihood.clock.name].to_numpy()
     said = []
     for one, places in zip(likelihood.read, likelihood.is_read(experiment, at), strict=True):
@@ -224,23 +212,22 @@ def predict_test(
     `separate_from` is no test of the fit. Raise SamplingError if no draw has a solution.
     """
     require_type("experiment", experiment, Experiment, A_TEST)
-    require_same_material(source.problem.experiments[0], experiment)
+    fitted = source.problem
+    require_same_material(fitted.experiments[0], experiment)
     if draws is not None:
         require_type("draws", draws, Integral, "a whole number")
-    if draws is not None and draws < 1:
-        raise InputError(f"draws: found {draws}, expected at least 1.")
+        if draws < 1:
+            raise InputError(f"draws: found {draws}, expected at least 1.")
     rng = np.random.default_rng(seed)
     likelihood = likelihood_of(experiment)
     kept, values, notes = draw_values(source, draws, separate_from, rng, new_sample=new_sample)
     of_the_test, apparatus_notes = apparatus_values(source, experiment, kept, rng)
     values = {**values, **of_the_test}
     values, condition_notes = add_condition_errors(source, experiment, kept, values, rng)
-    values, noise_notes = add_noises(values, source.problem, experiment, separate_from)
-    values, modulus_notes = with_modulus_there(values, source.problem.experiments, experiment)
-    values, discrepancy_notes = carry_discrepancy(values, source.problem, experiment)
-    priors, law_notes = transfer_laws(
-        bounds_around(values, source.problem.priors[0]), source.problem, experiment
-    )
+    values, noise_notes = add_noises(values, fitted, experiment, separate_from)
+    values, modulus_notes = with_modulus_there(values, fitted.experiments, experiment)
+    values, discrepancy_notes = carry_discrepancy(values, fitted, experiment)
+    priors, law_notes = transfer_laws(bounds_around(values, fitted.priors[0]), fitted, experiment)
     problem = one_test(experiment, priors)
     (coordinates,) = problem.coordinates
     rows = np.column_stack(
@@ -262,29 +249,24 @@ def predict_test(
             "conditions of the test may lie too far from those that were fitted."
         )
     posterior = _tree(drawn, kept[solved], values, solved, experiment, priors)
+    cautions = [*source.cautions]
+    if any(map(experiment.has_readings_of, fitted.experiments)):
+        cautions.append(
+            f"{experiment.id} is part of the fit, so that its data are no test of the prediction."
+        )
+    cautions += [*_beyond(source, experiment, posterior), *_extended(posterior)]
+    if n_unsolved := np.count_nonzero(~solved):
+        cautions.append(f"{n_unsolved} of {kept.size} draws have no solution and are left out.")
+    if draws is not None and draws > kept.size:
+        taken = f"The fit has {kept.size} draws, which are all taken; {draws} were asked for."
+        notes = [taken, *notes]
+    notes += [*apparatus_notes, *condition_notes, *modulus_notes, *law_notes]
+    notes += [*noise_notes, *discrepancy_notes]
+    of_solved = {name: own[solved] for name, own in values.items()}
+    predictions = posterior["predictions"].to_dataset()
+    notes += discrepancy_sentences(experiment, of_solved, fitted, predictions)
     prediction = Prediction(
-        experiment=experiment,
-        priors=priors,
-        posterior=posterior,
-        fitted_to=source.problem.name,
-        cautions=(
-            *source.cautions,
-            *_fitted_itself(source, experiment),
-            *_beyond(source, experiment, posterior),
-            *_extended(posterior),
-            *_unsolved(int(np.sum(~solved)), kept.size),
-        ),
-        notes=(
-            *_all_taken(draws, kept.size),
-            *(*notes, *apparatus_notes, *condition_notes, *modulus_notes, *law_notes),
-            *(*noise_notes, *discrepancy_notes),
-            *discrepancy_sentences(
-                experiment,
-                {name: own[solved] for name, own in values.items()},
-                source.problem,
-                posterior["predictions"].to_dataset(),
-            ),
-        ),
+        experiment, priors, posterior, fitted.name, tuple(cautions), tuple(notes)
     )
     posterior.attrs = {
         "title": prediction.title,
@@ -309,10 +291,9 @@ def _tree(
     """Label what was solved as the draws of a fit are."""
     likelihood = likelihood_of(experiment)
     labels = {"chain": [1], "draw": np.arange(kept.size), "fit_draw": ("draw", kept)}
-    fixed = {name: prior.location for name, prior in priors.priors.items() if prior.is_fixed}
     own = {
-        name: np.full(kept.size, fixed[name]) if name in fixed else values[name][solved]
-        for name in priors.priors
+        name: np.full(kept.size, prior.location) if prior.is_fixed else values[name][solved]
+        for name, prior in priors.priors.items()
     }
     parameters = xr.Dataset(
         {name: (("chain", "draw"), one[np.newaxis]) for name, one in own.items()}, labels
@@ -324,13 +305,6 @@ def _tree(
         at_points = drawn_at_points(drawn, {"chain": [1]})
         groups |= groups_at_points(at_points, experiment)
     return xr.DataTree.from_dict(groups)
-
-
-def _fitted_itself(source: Source, experiment: Experiment) -> list[str]:
-    """Say whether the data of a test took part in the fit."""
-    if not any(experiment.has_readings_of(one) for one in source.problem.experiments):
-        return []
-    return [f"{experiment.id} is part of the fit, so that its data are no test of the prediction."]
 
 
 def _beyond(source: Source, experiment: Experiment, posterior: xr.DataTree) -> tuple[str, ...]:
@@ -366,14 +340,3 @@ def _extended(posterior: xr.DataTree) -> list[str]:
         return []
     reference = posterior["posterior"].to_dataset().get(DISLOCATIONS_SWITCH, xr.DataArray(0.0))
     return extension_sentences(reference, solved["stress"].median(("chain", "draw")).to_numpy())
-
-
-def _all_taken(asked: int | None, taken: int) -> list[str]:
-    """Say how many draws were taken if there are fewer than asked for."""
-    if asked is None or asked <= taken:
-        return []
-    return [f"The fit has {taken} draws, which are all taken; {asked} were asked for."]
-
-
-def _unsolved(number: int, total: int) -> list[str]:
-    return [f"{number} of {total} draws have no solution and are left out."] if number else []

@@ -106,15 +106,6 @@ def task_of(
     require_type("priors", priors, PriorSet, SOME_PRIORS)
     require_type("options", options, SamplerOptions, SOME_OPTIONS)
     tell_doubts((priors, tests))
-    return _task(tests, priors, options, pool)
-
-
-def _task(
-    tests: Sequence[Experiment],
-    priors: PriorSet,
-    options: SamplerOptions,
-    pool: Mapping[str, str] | None,
-) -> Task:
     return Task(problem_of(tests, priors, pooling_for(tests, pool)), options)
 
 
@@ -132,16 +123,13 @@ def run_fits(
     should come first. Cores of this machine that are left over run chains. Messages of a fit go to
     standard error of its process, each line with the name of the fit before it. When a fit is done,
     `after` receives its run directory. If `keep_going`, fits that cannot be done are returned with
-    their errors, and the others go on. Else raises InputError if an input is wrong or a run
-    directory holds something else, and SamplingError if no chain of a fit finished. Raises
-    SystemFailureError if the system killed a process.
+    their errors, and the others go on.
     """
     mine = workers.mine(tasks)
     if not mine:
         return {}
     above = os.path.commonpath([out.absolute().parent for out in mine])
-    calls = {}
-    processes = workers.processes(len(mine))
+    calls, processes = {}, workers.processes(len(mine))
     for number, (out, task) in enumerate(mine.items(), start=1):
         name = out.absolute().relative_to(above).as_posix()
         if workers.executor is None:
@@ -156,10 +144,10 @@ def run_fits(
         for n_done, (out, error) in enumerate(done, start=1):
             how = "is done" if error is None else f"could not be done ({error})"
             logger.info(f"Fit {calls[out][0]} {how}, {n_done} of {len(mine)}.")
-            if error is not None:
-                failed[out] = error
-            else:
+            if error is None:
                 after(out)
+            else:
+                failed[out] = error
     return failed
 
 
@@ -303,26 +291,24 @@ class Campaign:
 
 
 def load_campaign(path: Path) -> Campaign:
-    """Read a plan and everything that it names; nothing is fitted.
-
-    Raises InputError if a file is wrong, or a combination cannot be fitted.
-    """
+    """Read a plan and everything that it names; nothing is fitted."""
     plan = read_toml(path, _PlanFile)
     settings = plan.sampler.model_dump(exclude_unset=True)
     tasks = {}
     for test, files in plan.tests.items():
         experiments = of_one_program([load_experiment(path.parent / file) for file in files])
+        pool = plan.pool if len(experiments) > 1 else None
         for variant, laws in plan.variants.items():
             for name, file in plan.priors.items():
                 source = None if file == SHIPPED else path.parent / file
                 given = priors_for(experiments, source, laws)
-                pool = plan.pool if len(experiments) > 1 else None
                 for seed in plan.seeds:
                     one = Combination(test, variant, name, seed)
                     try:
                         priors = with_variant(given, experiments[0], laws)
                         options = SamplerOptions(seed=seed, **settings)
-                        tasks[one] = _task(experiments, priors, options, pool)
+                        pooling = pooling_for(experiments, pool)
+                        tasks[one] = Task(problem_of(experiments, priors, pooling), options)
                     except InputError as error:
                         raise InputError(f"{path}: {one.name}: {error}") from error
     _check_names(path, [one.name for one in tasks])
@@ -348,11 +334,7 @@ def _check_names(path: Path, names: list[str]) -> None:
 def run_campaign(
     campaign: Campaign, out: Path, *, workers: Workers = ALL_HERE, command: str
 ) -> dict[str, PyburgersError]:
-    """Do the fits of a campaign in a folder, or a part of them; begun fits are continued.
-
-    Returns the fits that could not be done, by the names of their runs, and why. Raises
-    SystemFailureError if the system killed a process.
-    """
+    """Do the fits of a campaign, or a part of them; return why some failed, by names of runs."""
     tasks = {run_folder(out, one): task for one, task in campaign.tasks.items()}
     failed = run_fits(tasks, workers=workers, command=command, keep_going=True)
     return {folder.name: error for folder, error in failed.items()}
@@ -373,7 +355,7 @@ def status_table(campaign: Campaign, out: Path) -> pd.DataFrame:
 def _status(folder: Path, one: Combination, task: Task) -> dict[str, Any]:
     """Return the row of a fit."""
     run = RunDirectory(folder)
-    status, chains, verdicts = NOT_BEGUN, dict[str, Any](), dict[str, Any]()
+    status, chains, found = NOT_BEGUN, dict[str, Any](), dict[str, Any]()
     try:
         if run.manifest_file.is_file():
             manifest = run.read_manifest()
@@ -383,25 +365,18 @@ def _status(folder: Path, one: Combination, task: Task) -> dict[str, Any]:
         if status != OF_OTHERS:
             chains = run.chain_records()
         if status == COMPLETE and run.checks_file.is_file():
-            verdicts = read_json(run.checks_file).get("verdicts", {})
+            found = read_json(run.checks_file).get("verdicts", {})
     except (InputError, OSError) as error:
         logger.info(f"{one.name} is damaged: {error}")
         status = DAMAGED
+    outcomes = {kind: found.get(kind.name.lower(), {}).get("outcome", "") for kind in CheckKind}
     return {
-        "test": one.test,
-        "variant": one.variant,
-        "priors": one.priors,
-        "seed": one.seed,
+        **asdict(one),
         "status": status,
         "chains": len(chains),
         "of_chains": max([task.options.chains, *map(int, chains)]),
-        **{
-            column: verdicts.get(kind.name.lower(), {}).get("outcome", "")
-            for column, kind in (
-                ("sampled_well", CheckKind.SAMPLING),
-                ("describes_data", CheckKind.DESCRIPTION),
-            )
-        },
+        "sampled_well": outcomes[CheckKind.SAMPLING],
+        "describes_data": outcomes[CheckKind.DESCRIPTION],
         "chain_seconds": round(sum(record["wall_seconds"] for record in chains.values()), 1),
     }
 

@@ -114,7 +114,7 @@ def choose_chart(
     The density is in plain coordinates. Where its data switch the likelihood off, coordinates stay
     plain and chains start from the prior: what data fix is a poor guide to it. The mode is searched
     for unless it is known. If "auto" is `wanted`, the chart is taken where priors and records suit
-    it. Raises `InputError` if the coordinates that were asked for do not suit priors or records.
+    it; other coordinates that do not suit are an `InputError`.
     """
     if not density.data["use_likelihood"]:
         return ChosenChart("plain", "the likelihood is off", {})
@@ -213,14 +213,12 @@ def _chart_at(problem: Problem, density: Density, mode: ProblemMode, *, seed: in
     return ChosenChart(chart.name, why, block, centre, covariance, mode.others)
 
 
-_POOLED = {"shared": "shared", "partial": "partially pooled"}
-
-
 def _check_pooling(solved: Iterable[str], problem: Problem) -> None:
     """Ask for what a chart solves for to be each test's own."""
     for name in solved:
-        if name in problem.free and problem.pooling.kinds[name] != "separate":
-            raise ChartUnsuited(f"{name} is {_POOLED[problem.pooling.kinds[name]]}")
+        pooled = problem.pooling.kinds[name] if name in problem.free else "separate"
+        if pooled != "separate":
+            raise ChartUnsuited(f"{name} is {pooled.replace('partial', 'partially pooled')}")
 
 
 def find_mode(problem: Problem, density: Density, *, seed: int) -> ProblemMode:
@@ -228,21 +226,16 @@ def find_mode(problem: Problem, density: Density, *, seed: int) -> ProblemMode:
 
     The density is that of the problem in plain coordinates. Where tests hang together, also from
     the modes of single tests: draws of the prior alone can all end where a test is not fitted at
-    all. The seed decides the prior draws. Raises `ModeNotFound` if the optimiser fails from all
-    starts, or for a single test.
+    all. The seed decides the prior draws.
     """
     exact, ends = _ends(problem, density, seed=seed)
     (_, weightiest), *lesser = weighed_modes(exact, ends)
     others = []
     for log_weight, end in lesser:
-        tests = zip(problem.experiments, _modes_of_tests(problem, end), strict=True)
-        values = {
-            experiment.id: {name: mode.values[name] for name in problem.free}
-            for experiment, mode in tests
-        }
+        modes = zip(problem.experiments, _modes_of_tests(problem, end), strict=True)
+        values = {test.id: {name: own.values[name] for name in problem.free} for test, own in modes}
         others.append(OtherMode(log_weight=log_weight, values=values))
-    modes = _modes_of_tests(problem, weightiest)
-    return ProblemMode(modes, weightiest.place, tuple(others))
+    return ProblemMode(_modes_of_tests(problem, weightiest), weightiest.place, tuple(others))
 
 
 def _ends(problem: Problem, density: Density, *, seed: int) -> tuple[Density, list[Ending]]:
@@ -254,13 +247,8 @@ def _ends(problem: Problem, density: Density, *, seed: int) -> tuple[Density, li
         for one in problem.alone():
             _, (highest, *_) = _ends(one, density_of(one, solver), seed=seed)
             single += _modes_of_tests(one, highest)
-        together = position_of(
-            problem,
-            [own.coordinate for own in single],
-            np.ones(len(problem.partial)),
-            [own.driving_error for own in single],
-        )
-        starts = [together]
+        places, errors = [own.coordinate for own in single], [own.driving_error for own in single]
+        starts = [position_of(problem, places, np.ones(len(problem.partial)), errors)]
     starts += _best_prior_draws(problem, density, seed=seed)
     ends = density.ends(starts, seed=seed)
     # The accurate solver can need more steps than it may take.
@@ -284,11 +272,8 @@ def _modes_of_tests(problem: Problem, end: Ending) -> tuple[Mode, ...]:
 def _best_prior_draws(problem: Problem, density: Density, *, seed: int) -> list[FloatArray]:
     """Draw starts and return those with the highest densities."""
     n_drawn = N_CANDIDATES if len(problem.likelihood.read) > 1 else N_STARTS
-    programs = programs_of_tests(problem)
-    drawn = [
-        draw_from_prior(problem, programs, seed=seed, chain=start)
-        for start in range(1, n_drawn + 1)
-    ]
+    programs, numbers = programs_of_tests(problem), range(1, n_drawn + 1)
+    drawn = [draw_from_prior(problem, programs, seed=seed, chain=number) for number in numbers]
     if n_drawn == N_STARTS:
         return drawn
     points = np.array([_flowing(problem, start) for start in drawn])
@@ -325,10 +310,7 @@ def draw_start(
     seed: int,
     chain: int,
 ) -> dict[str, list[float]]:
-    """Draw the start of a chain around a mode and covariance, or from the prior without them.
-
-    The density is in the coordinates that chains move in.
-    """
+    """Draw the start of a chain around a mode and covariance, or from the prior without them."""
     if laplace is None:
         start = draw_from_prior(problem, programs_of_tests(problem), seed=seed, chain=chain)
     else:
@@ -342,27 +324,20 @@ def draw_from_prior(
     """Draw plain coordinates, (n_coordinates,), from the priors until all tests have a solution.
 
     Partially pooled parameters are drawn apart for each test; centre and spread are put around
-    them. The programs are those of the tests (`programs_of_tests`); the start depends on seed and
-    chain alone. Raises `SamplingError` if none of `START_ATTEMPTS` draws has a solution.
+    them. The start depends on seed and chain alone.
     """
     rng = np.random.default_rng([seed, chain])
     for _ in range(START_ATTEMPTS):
         values = draw_priors(problem, rng)
         spreads = np.abs(rng.standard_normal(len(problem.partial)))
-        try:
-            solutions = [
-                solve(one, own, one.position, solver=SolverOptions(), program=program)
-                for one, own, program in zip(problem.experiments, values, programs, strict=True)
-            ]
-        except SamplingError:
-            continue  # a test has no finite solution here; the next draw may have one
-        plain = [
-            coordinates.at(own, float(solution["log_reference"][0]))
-            for coordinates, own, solution in zip(
-                problem.coordinates, values, solutions, strict=True
-            )
-        ]
-        return position_of(problem, plain, spreads)
+        tests = zip(problem.experiments, problem.coordinates, values, programs, strict=True)
+        plain = []
+        # If a test has no finite solution here, the next draw may have one.
+        with suppress(SamplingError):
+            for one, coordinates, own, program in tests:
+                solved = solve(one, own, one.position, solver=SolverOptions(), program=program)
+                plain.append(coordinates.at(own, float(solved["log_reference"][0])))
+            return position_of(problem, plain, spreads)
     raise SamplingError(
         f"{problem.name}: none of {START_ATTEMPTS} draws from the prior has a finite solution; "
         "check the units and the bounds of the priors."

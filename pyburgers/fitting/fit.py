@@ -71,24 +71,12 @@ class Fit(SampledFit):
 
     @property
     def experiment(self) -> Experiment:
-        """The one test of the fit.
-
-        Raises
-        ------
-        InputError
-            If it is a joint fit.
-        """
+        """The one test of the fit; a joint fit has none and raises InputError."""
         return self.problem.experiments[self._only_test()]
 
     @property
     def priors(self) -> PriorSet:
-        """Priors of the test in SI, the noise scale resolved.
-
-        Raises
-        ------
-        InputError
-            If it is a joint fit.
-        """
+        """Priors of the one test in SI, the noise scale resolved; see `experiment`."""
         return self.problem.priors[self._only_test()]
 
     @property
@@ -108,13 +96,7 @@ class Fit(SampledFit):
 
     @cached_property
     def fitted_conditions(self) -> tuple[Ranges, ...]:
-        """Conditions that each fitted test passed, also of tests that this is no result for.
-
-        Examples
-        --------
-        >>> sorted(fit.fitted_conditions[0])
-        ['initial grain size', 'strain', 'strain rate', 'stress', 'temperature']
-        """
+        """Conditions that each fitted test passed, also of tests that this is no result for."""
         if self.whole is not None:
             return self.whole.fitted_conditions
         tests = self.tests().values()
@@ -173,12 +155,7 @@ class Fit(SampledFit):
 
     @cached_property
     def prior_doubts(self) -> tuple[str, ...]:
-        """What is unlikely about the priors, of a joint fit about those of all tests.
-
-        Examples
-        --------
-        >>> sentences = fit.prior_doubts
-        """
+        """What is unlikely about the priors, of a joint fit about those of all tests."""
         problem = (self.whole or self).problem
         return prior_doubts(problem.given_priors, problem.experiments)
 
@@ -191,20 +168,19 @@ class Fit(SampledFit):
     def _influences_on(self, derived: Mapping[str, FloatArray]) -> dict[str, dict[str, Influence]]:
         """Influences by test and quantity."""
         fitted = self.manifest["experiments"]
-        return {
-            name: self._usable(
-                prior_influence(
-                    test.posterior,
-                    test.priors,
-                    spread_scales=pooling_from(self.manifest["pooling"]).spread_scales,
-                    family=len(fitted) * len(test.priors.free),
-                    derived=derived,
-                    read_off=self.read_off,
-                    of_other_tests=test.scores_beside,
-                )
+        scales, found = pooling_from(self.manifest["pooling"]).spread_scales, {}
+        for name, test in self.tests().items():
+            influences = prior_influence(
+                test.posterior,
+                test.priors,
+                spread_scales=scales,
+                family=len(fitted) * len(test.priors.free),
+                derived=derived,
+                read_off=self.read_off,
+                of_other_tests=test.scores_beside,
             )
-            for name, test in self.tests().items()
-        }
+            found[name] = self._usable(influences)
+        return found
 
     def decisions(self) -> dict[str, Influence]:
         """Return who decides each row of `summary`.
@@ -352,7 +328,7 @@ class Fit(SampledFit):
         return cls(run, posterior, {**manifest, "chains": run.chain_records()}, problem)
 
     def _only_test(self) -> int:
-        if len(self.problem.experiments) > 1:
+        if self.is_joint:
             name = self.problem.experiments[0].id
             raise InputError(
                 f"{self.directory.path}: is a joint fit of {self.problem.name}, expected a fit of "
@@ -467,11 +443,9 @@ def fit_problem(
 
     If a run of other inputs is in the folder, `remedy` says what to do, by default `way_out`.
     """
-    run = RunDirectory(given_path(out))
+    run, settings = RunDirectory(given_path(out)), options or SamplerOptions()
     if more_draws is not None:
         more_draws, command = draws_to_add(run, more_draws, overwrite=overwrite)
-
-    settings = options or SamplerOptions()
     require_type("options", settings, SamplerOptions, SOME_OPTIONS)
 
     def sample(more: int | None) -> Fit:

@@ -118,29 +118,22 @@ def prior_draws(
             "check the units and the bounds of the priors."
         )
     clock = likelihood.clock.name
-    dimensions = ("chain", "draw", clock)
     labels = {"chain": [1], "draw": np.flatnonzero(kept)}
+    own = {name: (("chain", "draw"), one[None, kept]) for name, one in values.items()}
+    solved = {
+        name: (("chain", "draw", clock), drawn[column], {"units": unit})
+        for column, (name, unit) in likelihood.grid_quantities.items()
+    }
     groups = {
-        "posterior": xr.Dataset(
-            {name: (dimensions[:2], own[None, kept]) for name, own in values.items()}, labels
-        ),
-        "predictions": xr.Dataset(
-            {
-                name: (dimensions, drawn[column], {"units": unit})
-                for column, (name, unit) in likelihood.grid_quantities.items()
-            },
-            {**labels, clock: grid},
-        ),
+        "posterior": xr.Dataset(own, labels),
+        "predictions": xr.Dataset(solved, {**labels, clock: grid}),
     }
     if experiment.n_points:
-        name = likelihood.response.name
+        read = (("chain", "draw", "point"), drawn["response_replicated"])
         points = {**labels, "point": np.arange(experiment.n_points)}
-        replicated = drawn["response_replicated"]
-        groups["prior_predictive"] = xr.Dataset(
-            {name: (("chain", "draw", "point"), replicated)}, points
-        )
-    n_unsolved = int(draws - kept.sum())
-    return PriorDraws(experiment, priors, xr.DataTree.from_dict(groups), n_unsolved)
+        groups["prior_predictive"] = xr.Dataset({likelihood.response.name: read}, points)
+    tree = xr.DataTree.from_dict(groups)
+    return PriorDraws(experiment, priors, tree, n_unsolved=int(draws - kept.sum()))
 
 
 def prior_groups(
@@ -166,14 +159,12 @@ def prior_groups(
 def _each_by_itself(priors: PriorSet) -> PriorSet:
     """Bound Q_M and beta where nothing is cut, so that no point of the flow law replaces one."""
     changed = []
-    for name in ("activation_enthalpy", "beta"):
-        prior = priors[name]
+    for prior in (priors["activation_enthalpy"], priors["beta"]):
         if not prior.is_fixed:
             reach = UNCUT * prior.scale
-            lower, upper = prior.location - reach, prior.location + reach
-            changed.append(
-                replace(prior, lower=max(prior.lower, lower), upper=min(prior.upper, upper))
-            )
+            lower = max(prior.lower, prior.location - reach)
+            upper = min(prior.upper, prior.location + reach)
+            changed.append(replace(prior, lower=lower, upper=upper))
     return priors.exchanging(*changed)
 
 
@@ -181,15 +172,13 @@ def scores_beside(
     problem: Problem, parts: Sequence[Problem], groups: Mapping[str, xr.DataTree]
 ) -> dict[str, dict[str, FloatArray]]:
     """Return scores (n, n_scores) by test and prior; parts are the tests, groups their draws."""
-    own = {
-        alone.name: {
-            own_name(name, problem.owner(source, e)): scores
-            for name, scores in prior_scores(groups[alone.name], alone.priors[0]).items()
-            if problem.kind(source := FLOW_LAW[0] if name == JOINT_PRIOR else name)
-            not in ("shared", "partial")
-        }
-        for e, alone in enumerate(parts)
-    }
+    own: dict[str, dict[str, FloatArray]] = {}
+    for e, alone in enumerate(parts):
+        scores_of_test = own[alone.name] = {}
+        for name, scores in prior_scores(groups[alone.name], alone.priors[0]).items():
+            source = FLOW_LAW[0] if name == JOINT_PRIOR else name
+            if problem.kind(source) not in ("shared", "partial"):
+                scores_of_test[own_name(name, problem.owner(source, e))] = scores
     every = {name: scores for one in own.values() for name, scores in one.items()}
     return {
         test: {name: scores for name, scores in every.items() if name not in known}

@@ -76,10 +76,8 @@ def run_chains(
 
     The directory is new, or of an earlier run with the same inputs; if a run of others is there,
     `overwrite` has it removed, and `remedy` stands in the error for `way_out`. Every chain is
-    extended by `more_draws`. `command` regenerates the run, for its manifest. Raises `InputError`
-    if the directory holds a different run or cannot be written, `SamplingError` if no chain
-    finished, or one could not be extended. On a `KeyboardInterrupt` the chains are stopped; the
-    same call continues the run.
+    extended by `more_draws`. `command` regenerates the run, for its manifest. On a
+    `KeyboardInterrupt` the chains are stopped; the same call continues the run.
     """
     settled = settled_options(problem, options)
     density = density_of(problem, solver, use_likelihood=use_likelihood)
@@ -116,38 +114,27 @@ def run_chains(
             logger.info(f"Sampling with {read}; the run takes about {size} MB.")
         settled, made_by = as_recorded(run, settled, command, more_draws)
         known, data = run.read_manifest(), run.read_stan_data()
-        run.update_manifest(
-            {
-                **run_record(
-                    run,
-                    {**wanted, "sampler": asdict(settled)},
-                    name=problem.name,
-                    data_kind=problem.data_kind,
-                    identity=identity,
-                    made_by=made_by,
-                ),
-                "refits": known.get("refits", []),
-                "shortened": shortened(known),
-                "solver": asdict(solver_in(data)),
-            }
-        )
-        in_chart = Density(density.program, data)
-        complete_chains(
-            density.program,
+        record = run_record(
             run,
-            settled,
-            lambda chain: draw_start(
-                problem, in_chart, _laplace(run), seed=settled.seed, chain=chain
-            ),
-            more_draws=more_draws,
+            {**wanted, "sampler": asdict(settled)},
+            name=problem.name,
+            data_kind=problem.data_kind,
+            identity=identity,
+            made_by=made_by,
         )
+        kept = {"refits": known.get("refits", []), "shortened": shortened(known)}
+        run.update_manifest({**record, **kept, "solver": asdict(solver_in(data))})
+        in_chart = Density(density.program, data)
+
+        def start(chain: int) -> dict[str, list[float]]:
+            laplace = _laplace(run)
+            return draw_start(problem, in_chart, laplace, seed=settled.seed, chain=chain)
+
+        complete_chains(density.program, run, settled, start, more_draws=more_draws)
 
 
 def settled_options(problem: Problem, options: SamplerOptions) -> SamplerOptions:
-    """Fill in warm-up and target acceptance.
-
-    Raises `InputError` if the tests do not have the coordinates.
-    """
+    """Fill in warm-up and target acceptance, and refuse coordinates that the tests do not have."""
     likelihood, chart = problem.likelihood, problem.likelihood.chart.name
     if options.coordinates not in ("auto", "plain", chart):
         raise InputError(
@@ -162,21 +149,14 @@ def settled_options(problem: Problem, options: SamplerOptions) -> SamplerOptions
 
 
 def _write_chart(run: RunDirectory, density: Density, chart: ChosenChart, *, seed: int) -> None:
-    """Save coordinates, metric and data, at a tolerance that is good to sample with.
-
-    The density is in the coordinates of the chart.
-    """
+    """Save coordinates, metric and data, at a tolerance that is good to sample with."""
     why = "as asked for" if chart.reason == "asked for" else f"because {chart.reason}"
     logger.info(f"Coordinates: {chart.name}, {why}.")
     noisy: list[NoisyTolerance] = []
     metric = chart.first_metric
     if chart.centre is not None and chart.covariance is not None and metric is not None:
-        metric_data = {
-            "inv_metric": metric.tolist(),
-            "centre": chart.centre.tolist(),
-            "covariance": chart.covariance.tolist(),
-        }
-        write_json(run.metric_file, metric_data)
+        arrays = {"inv_metric": metric, "centre": chart.centre, "covariance": chart.covariance}
+        write_json(run.metric_file, {name: array.tolist() for name, array in arrays.items()})
         exact = solver_block(REFERENCE_SOLVER)
         noisy = noisy_tolerances(density, exact, chart.centre, chart.covariance, seed=seed)
     run.update_manifest(

@@ -51,9 +51,6 @@ _Units = Literal["display", "SI"]
 A_FIT = "a fit, as of pyburgers.fit or pyburgers.Fit.load"
 """Words for an argument."""
 
-SHOWN_DIGITS = 12
-"""Digits of a hash in what is made of a fit."""
-
 PRIOR_ALONE = "prior alone"
 ORIGINS: Mapping[str, str] = MappingProxyType(
     {
@@ -148,12 +145,7 @@ class SampledFit(ABC):
 
     @property
     def prior_doubts(self) -> tuple[str, ...]:
-        """Sentences about priors that are unlikely.
-
-        Examples
-        --------
-        >>> sentences = fit.prior_doubts
-        """
+        """Sentences about priors that are unlikely."""
         return ()
 
     @abstractmethod
@@ -194,10 +186,7 @@ class SampledFit(ABC):
         return table if units == "SI" else in_display_units(table)
 
     def __repr__(self) -> str:
-        """Return a line: of what the fit is, how many draws it has, and where; nothing is checked.
-
-        A part of a joint fit says whose it is.
-        """
+        """Return a line: of what the fit is, how many draws it has, where; nothing is checked."""
         sizes = self.posterior["posterior"].sizes
         fitted = self.manifest["experiment"]
         name = fitted if self.part_name is None else f"{self.part_name} in {fitted}"
@@ -344,12 +333,10 @@ class SampledFit(ABC):
 
     @property
     def first_chain(self) -> str:
-        """Beginning of the hash of the first chain's draws, as the manifest notes it.
-
-        That of ``posterior.nc`` changes whenever the draws are gathered again.
-        """
+        """Beginning of the hash of the first chain's draws, as the manifest notes it."""
+        # That of posterior.nc changes whenever the draws are gathered again.
         records = [*self.manifest.get("chains", {}).values()]
-        return str(records[0]["sha256"])[:SHOWN_DIGITS] if records else "unknown"
+        return str(records[0]["sha256"])[:12] if records else "unknown"
 
     @property
     def which_draws(self) -> str:
@@ -432,16 +419,17 @@ DIFFERENT, MISSING = "differs from what the installed versions compute", "is mis
 def renew_tables(result: SampledFit) -> dict[str, str]:
     """Write the tables of a run again where the files hold others; return names, and why.
 
-    No hash is noted of them: they follow from the draws, and nothing reads them but people. What a
-    run that is not complete has not written yet is left to it.
+    No hash is noted of them: they follow from the draws, and nothing reads them but people.
     """
-    complete = result.manifest["status"] == COMPLETE
     renewed = {}
     for file, text in _tables(result).items():
-        there = file.is_file()
-        if (there and file.read_bytes() != text.encode()) or (complete and not there):
+        if file.is_file():
+            why = "" if file.read_bytes() == text.encode() else DIFFERENT
+        else:  # what a run that is not complete has not written yet is left to it
+            why = MISSING if result.manifest["status"] == COMPLETE else ""
+        if why:
             write_text(file, text)
-            renewed[file.name] = DIFFERENT if there else MISSING
+            renewed[file.name] = why
     return renewed
 
 

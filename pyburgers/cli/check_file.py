@@ -24,7 +24,7 @@ from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.kind import load_experiment
 from pyburgers.kinds.loading_history.driver import ARE_USED
 from pyburgers.model.plausible import PlausibleRanges, plausible_ranges
-from pyburgers.model.priors import PriorSet, load_priors, shipped_prior_files
+from pyburgers.model.priors import PriorSet, shipped_prior_files
 from pyburgers.model.unlikely_numbers import unlikely_priors
 
 STAND_INS: Mapping[str, Any] = {
@@ -47,8 +47,13 @@ STAND_INS: Mapping[str, Any] = {
 READERS_BY_KEY: Mapping[str, tuple[str, str]] = {
     "mechanisms": ("pyburgers.flow_law_tables.laws", "load_rate_law"),
     "candidates": ("pyburgers.predictions.design_plans", "load_design_plan"),
+    "parameters": ("pyburgers.model.priors", "load_priors"),
+    "tests": ("pyburgers.fitting.campaign", "load_campaign"),
 }
 """Module and function that read a file with a key that no other kind of file has."""
+
+KEYS_OF_OTHERS = {"parameters", "tests"}
+"""Those of the keys that a file with a protocol may have."""
 
 
 def add_options(command: argparse.ArgumentParser) -> None:
@@ -86,9 +91,8 @@ def check(path: Path, *, tells_unread: bool = True) -> int:
     lines += [f"note: {note}" for note in dict.fromkeys(unread) if note]
     lines += [f"hint: {sentence}" for sentence in hints(tables, content)]
     lines += [f"note: {note}" for note in ([] if errors else unchecked_rates(content))]
-    lines += [
-        f"{'note' if one in notes or ARE_USED in one else 'warning'}: {one}" for one in notices
-    ]
+    for one in notices:
+        lines.append(f"{'note' if one in notes or ARE_USED in one else 'warning'}: {one}")
     if isinstance(loaded, Experiment):
         beside = (one for look in tables for one in contradictions(look, content, loaded))
         lines += [f"warning: {sentence}" for sentence in (*doubts(loaded), *beside)]
@@ -141,18 +145,12 @@ def all_errors(path: Path, content: Mapping[str, Any]) -> tuple[list[str], objec
 
 def _reader(content: Mapping[str, Any]) -> Callable[[Path], object]:
     """Return what reads a file of its kind."""
+    keys = content.keys() - (KEYS_OF_OTHERS if "protocol" in content else set())
     for key, (module, name) in READERS_BY_KEY.items():
-        if key in content:
-            # Their modules take long to load, or need docstrings, which no other file does.
+        if key in keys:
+            # Most of the modules take long to load, or need docstrings, which no other file does.
             read: Callable[[Path], object] = getattr(import_module(module), name)
             return read
-    if "parameters" in content and "protocol" not in content:
-        return load_priors
-    if _is_plan(content):
-        read_plan: Callable[[Path], object] = import_module(
-            "pyburgers.fitting.campaign"
-        ).load_campaign
-        return read_plan
     # The reader of rates tells how a table of peak stresses is written.
     return load_rate_table if content.get("protocol") in (RATES, "peak_stress") else load_experiment
 

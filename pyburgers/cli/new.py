@@ -148,7 +148,12 @@ def run(options: argparse.Namespace) -> int:
     named = [one for one in new_file.quantities if vars(options).get(f"{one}_column") is not None]
     _require_units(options.csv, {**read, **{quantity: columns[quantity] for quantity in named}})
     _refuse_needless_options(new_file, read, vars(options))
-    file = _check_file_name(os.path.relpath(options.csv, out.parent))
+    file = os.path.relpath(options.csv, out.parent)
+    if not is_text(file):
+        raise InputError(
+            f"{file!r}: found bytes that are no text in its name, expected a name that the "
+            "experiment file can hold; rename it."
+        )
     proposed = {"id": _identifier(table), "temperature_K": proposed_temperature(new_file, columns)}
     draft = _Draft(new_file, Description(file, table, read, given), proposed)
     answers = _answers(draft)
@@ -166,23 +171,19 @@ def run(options: argparse.Namespace) -> int:
     return code
 
 
-def _check_file_name(file: str) -> str:
-    """Return the name of a text file, if another file can hold it."""
-    if not is_text(file):
-        raise InputError(
-            f"{file!r}: found bytes that are no text in its name, expected a name that the "
-            "experiment file can hold; rename it."
-        )
-    return file
-
-
-def _write_checked(draft: Path, out: Path, text: str, file: str) -> None:
-    """Write a draft beside `out`; comments at its top name faults of the text file `file`."""
+def _errors_of(draft: Path, text: str) -> list[str]:
+    """Write a draft; return its errors."""
     draft.write_text(text, encoding="utf-8")
     try:
         errors, _ = all_errors(draft, read_tables(draft))
     except InputError as error:  # such as of a control character
-        errors = list(error.sentences)
+        return list(error.sentences)
+    return errors
+
+
+def _write_checked(draft: Path, out: Path, text: str, file: str) -> None:
+    """Write a draft beside `out`; comments at its top name faults of the text file `file`."""
+    errors = _errors_of(draft, text)
     sentences = [error.replace(f"{draft}: ", "").replace(str(draft), str(out)) for error in errors]
     if not all(error.startswith(str(draft.parent / file)) for error in errors):
         said = "; ".join(error.rstrip(".") for error in sentences)
@@ -195,14 +196,12 @@ def _write_checked(draft: Path, out: Path, text: str, file: str) -> None:
 def _recognised_kind(
     table: TextTable, options: argparse.Namespace
 ) -> tuple[NewFile, str, Columns, str | None]:
-    """Return the kind, why it was guessed, what columns hold, and doubts on the order of rows.
-
-    Which of several columns is meant is asked.
-    """
+    """Return the kind, why it was guessed, what columns hold, and doubts on the order of rows."""
+    given = vars(options)
     chosen = {
-        quantity: _column_named(table, question, vars(options)[question.name])
+        quantity: _column_named(table, question, given[question.name])
         for quantity, question in _column_questions().items()
-        if vars(options)[question.name] is not None
+        if given[question.name] is not None
     }
     while True:
         columns, order = first_of_tests(table, guess_columns(table, chosen))
@@ -211,6 +210,7 @@ def _recognised_kind(
         tied = [one for one in new_file.select_columns(columns).values() if not one.is_decided]
         if not tied:
             return new_file, reason, columns, order
+        # Which of several columns is meant is asked.
         chosen[tied[0].quantity] = _chosen_column(table, tied[0])
 
 
@@ -245,11 +245,8 @@ def _chosen_column(table: TextTable, tied: GuessedColumn) -> str | int:
 
 def _guess_protocol(columns: Columns) -> tuple[str, str]:
     """Return the last protocol that a text file suits, and why; any curve suits the first."""
-    return next(
-        (name, reason)
-        for name in reversed(NAMES)
-        if (reason := new_files()[name].recognise(columns)) is not None
-    )
+    reasons = ((name, new_files()[name].recognise(columns)) for name in reversed(NAMES))
+    return next((name, reason) for name, reason in reasons if reason is not None)
 
 
 def _require_columns(
@@ -274,13 +271,11 @@ def _require_units(path: Path, columns: Mapping[str, GuessedColumn]) -> None:
     for guessed in columns.values():
         where = f"{path}: column {guessed.column!r}"
         if guessed.is_foreign:
-            units = units_text(guessed.kind) if guessed.kind in UNIT_TABLE else ""
-            what = EXPECTED_COLUMNS.get(guessed.quantity, guessed.kind)
-            along = " along the axis" if guessed.quantity in ALONG_AXIS else ""
-            expected = f"{what}{along} in {units}" if units else what
-            for sentence in contradicted_form(
-                guessed.column, plain(guessed.name), guessed.quantity
-            ):
+            quantity, kind = guessed.quantity, guessed.kind
+            what = EXPECTED_COLUMNS.get(quantity, kind)
+            along = " along the axis" if quantity in ALONG_AXIS else ""
+            expected = f"{what}{along} in {units_text(kind)}" if kind in UNIT_TABLE else what
+            for sentence in contradicted_form(guessed.column, plain(guessed.name), quantity):
                 raise InputError(f"{path}: {sentence}")
             raise InputError(
                 f"{where}: found a name that states another unit, a factor, a logarithm, a shear "
@@ -311,12 +306,9 @@ def _refuse_needless_options(new_file: NewFile, columns: Columns, given: Mapping
         value = given[question.name]
         if value is not None and question.name not in taken:
             beside = f" beside {others}" if question in own and others else ""
-            why = (
-                f"{question.name} is read from column {columns[question.name].column!r}"
-                if question.name in columns
-                else f"such a test of the protocol {new_file.experiment.protocol} takes "
-                f"none{beside}"
-            )
+            why = f"such a test of the protocol {new_file.experiment.protocol} takes none{beside}"
+            if question.name in columns:
+                why = f"{question.name} is read from column {columns[question.name].column!r}"
             raise InputError(f"{question.option} {value}: expected no such option, because {why}.")
     for quantity, question in _column_questions().items():
         value = given[question.name]
@@ -375,11 +367,7 @@ class _Draft:
         whole = replace(self, test=replace(self.test, file=file))
         with scratch_folder() as folder:
             path = folder / "draft.toml"
-            path.write_text(whole.text(self.completed(answers)), encoding="utf-8")
-            try:
-                errors, _ = all_errors(path, read_tables(path))
-            except InputError as error:
-                errors = list(error.sentences)
+            errors = _errors_of(path, whole.text(self.completed(answers)))
         key = f"key {question.key or question.name!r}"
         mine = [error for error in errors if key in error or "not a valid TOML" in error]
         return [error.removeprefix(f"{path}: ") for error in mine]
@@ -395,20 +383,15 @@ def _answers(draft: _Draft) -> dict[str, Any]:
         if asking:
             given[question.name] = _ask(question, partial(draft.objections, question, given))
             continue
-        _require_defaults(questions)
+        missing = [one.option for one in questions if one.default is None]
+        if missing:
+            raise InputError(
+                f"Missing: {', '.join(missing)}. Prompts are off because standard input is not a "
+                "terminal: give the missing options."
+            )
         print(f"taken: {question.option} {question.default}")
         given[question.name] = question.default
     return given
-
-
-def _require_defaults(questions: Sequence[Question]) -> None:
-    """Refuse questions that have to be answered where there is no terminal to ask in."""
-    missing = [question.option for question in questions if question.default is None]
-    if missing:
-        raise InputError(
-            f"Missing: {', '.join(missing)}. Prompts are off because standard input is not a "
-            "terminal: give the missing options."
-        )
 
 
 def _ask(question: Question, objections: Callable[[Any], Sequence[str]]) -> Any:

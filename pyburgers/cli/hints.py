@@ -149,8 +149,7 @@ def _hints_of(look: TextTable, data: Mapping[str, Any], small_strain: float) -> 
             remedy = "remove a comma between thousands, write a point for a decimal comma"
         found.append((DECIMAL_COMMA, what, remedy))
     for looks_like, what, remedy in found:
-        cells = look.cells_like(looks_like)
-        if cells:
+        if cells := look.cells_like(looks_like):
             line, cell = cells[0]
             more = f" (and {len(cells) - 1} more)" if len(cells) > 1 else ""
             yield f"line {line}: {cell!r}{more} {what}: {remedy}."
@@ -161,10 +160,7 @@ def _hints_of_strain(
     look: TextTable, data: Mapping[str, Any], small_strain: float
 ) -> Iterator[str]:
     column, unit = data.get("strain_column"), data.get("strain_unit")
-    if column not in look.columns:
-        return
-    strain = np.array(look.numbers(column))
-    if not strain.size:
+    if column not in look.columns or not (strain := look.numbers(column)):
         return
     largest = float(np.max(np.abs(strain)))
     if unit == "fraction" and largest > 1:
@@ -203,19 +199,14 @@ ONE_LETTER = re.compile(r"[a-z](?![a-z'\"′’”])")
 
 @dataclass(frozen=True)
 class _Named:
-    """A column that a file names.
-
-    `column`, `name`: as in the file, and plain with the unit under it.
-    `quantity`, `kind`, `is_error`: of its key: what it is, of what kind, whether it is its error.
-    `unit`: that the file states for it, if any.
-    """
+    """A column that a file names, and what its key says of it."""
 
     column: str | int
-    name: str
+    name: str  # plain, with the unit under it
     quantity: str
-    kind: str
-    is_error: bool
-    unit: object
+    kind: str  # of the quantity
+    is_error: bool  # of the quantity
+    unit: object  # that the file states for it, if any
 
 
 def hints_of_names(look: TextTable, content: Mapping[str, Any]) -> Iterator[str]:
@@ -229,13 +220,12 @@ def hints_of_names(look: TextTable, content: Mapping[str, Any]) -> Iterator[str]
             )
         numbers = look.numbers(one.column)
         yield from _hints_of_measures(one, content, numbers)
-        if one.quantity == "stress" and numbers and content.get("protocol") != RATES:
-            beside = confined_by(look, one.column)
-            if beside is not None:
-                yield (
-                    f"column {one.column!r} is never below column {beside!r}: if it is a total "
-                    "stress along the axis, write the differential stress, their difference."
-                )
+        is_stress = one.quantity == "stress" and numbers and content.get("protocol") != RATES
+        if is_stress and (beside := confined_by(look, one.column)) is not None:
+            yield (
+                f"column {one.column!r} is never below column {beside!r}: if it is a total stress "
+                "along the axis, write the differential stress, their difference."
+            )
 
 
 def _named(look: TextTable, content: Mapping[str, Any]) -> Iterator[_Named]:
@@ -309,18 +299,13 @@ def _hints_of_measures(
             f"{column!r} states {stated}: check it."
         )
     form = content["data"].get("attenuation_form")
-    is_attenuation = quantity == "attenuation" and not one.is_error
     is_logarithm, is_read_so = LOGARITHM.search(one.name), form == "log10_tan_delta"
-    if is_attenuation and is_logarithm and not is_read_so:
-        yield (
-            f"attenuation_form {form!r} is stated for column {column!r}, whose name says a "
-            "logarithm: check it."
-        )
-    if is_attenuation and is_read_so and not is_logarithm and min(numbers, default=0.0) > 0:
-        yield (
-            f"attenuation_form {form!r} is stated for column {column!r}, whose numbers are all "
-            "positive, so that every tan delta is above 1: check it."
-        )
+    doubt = "name says a logarithm" if is_logarithm and not is_read_so else ""
+    if is_read_so and not is_logarithm and min(numbers, default=0.0) > 0:
+        doubt = "numbers are all positive, so that every tan delta is above 1"
+    if quantity == "attenuation" and not one.is_error and doubt:
+        said = f"attenuation_form {form!r} is stated for column {column!r}"
+        yield f"{said}, whose {doubt}: check it."
     if not {"stages", "segments"} & content.keys() or not numbers:
         return
     yield from contradicted_measure(

@@ -105,12 +105,8 @@ def contradictions(
     columns = guess_columns(look)
     yield from _contradicting_moduli(look, content["data"], columns)
     guessed = columns.get("temperature")
-    if (
-        guessed is not None
-        and guessed.column in unread
-        and guessed.told_by == BY_NAME
-        and guessed.unit
-    ):
+    is_unread = guessed is not None and guessed.column in unread
+    if guessed is not None and is_unread and guessed.told_by == BY_NAME and guessed.unit:
         ends = _nearly_all(guessed.si)
         own, sd = temperature_range(experiment), float(content.get("temperature_sd_K", 0.0))
         words = COLUMN_NAMES["temperature"].words
@@ -151,8 +147,8 @@ def _contradicting_moduli(
     attenuation = columns.get("attenuation")
     if attenuation is None or storage is None or loss is None:
         return
-    is_known = not any(one.is_foreign for one in (attenuation, storage, loss))
-    if not is_known or data.get("attenuation_column") != attenuation.column:
+    is_foreign = attenuation.is_foreign or storage.is_foreign or loss.is_foreign
+    if is_foreign or data.get("attenuation_column") != attenuation.column:
         return
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = float(np.nanmedian(loss.si / (storage.si * attenuation.tan_delta)))
@@ -190,12 +186,13 @@ def temperature_use(
         use = f"--temperature-K {stated:g} takes its place"
     si = columns["temperature"].si
     ends = float(np.nanmin(si)), float(np.nanmax(si))
-    is_wide = ends[1] - ends[0] > MAX_TEMPERATURE_DIFFERENCE
-    further = (
-        "; state how uncertain it is as temperature_sd_K, or, in a loading history, the "
-        "temperatures of stages as temperature_K"
-    ) * is_wide
-    return {"temperature": f"{use}; it holds {span_text(ends, digits=6)} K{further}"}
+    use += f"; it holds {span_text(ends, digits=6)} K"
+    if ends[1] - ends[0] > MAX_TEMPERATURE_DIFFERENCE:
+        use += (
+            "; state how uncertain it is as temperature_sd_K, or, in a loading history, the "
+            "temperatures of stages as temperature_K"
+        )
+    return {"temperature": use}
 
 
 def refuse_obstacle(

@@ -15,12 +15,8 @@ logger = logging.getLogger(__name__)
 
 def add_options(command: argparse.ArgumentParser) -> None:
     """Add the arguments of the command."""
-    command.add_argument(
-        "directory",
-        type=Path,
-        metavar="RUN",
-        help="run directory of fit or fit-rates",
-    )
+    what = "run directory of fit or fit-rates"
+    command.add_argument("directory", type=Path, metavar="RUN", help=what)
 
 
 def run(options: argparse.Namespace) -> int:

@@ -130,16 +130,14 @@ def save_comparison(
     """Write ``comparison.csv``, ``pointwise.csv`` and ``comparison.json``."""
     write_text(folder / "comparison.csv", csv_text(comparison_table(comparison), index=True))
     write_text(folder / "pointwise.csv", csv_text(pointwise_table(comparison), index=True))
-    write_json(
-        folder / "comparison.json",
-        {
-            **origins(fits, command=command),
-            "reliable": comparison.reliable,
-            "pairs": _pair_records(comparison.pairs()),
-            "sentences": list(sentences(comparison)),
-            "parameters": parameter_shifts(fits).reset_index().to_dict("records"),
-        },
-    )
+    record = {
+        **origins(fits, command=command),
+        "reliable": comparison.reliable,
+        "pairs": _pair_records(comparison.pairs()),
+        "sentences": list(sentences(comparison)),
+        "parameters": parameter_shifts(fits).reset_index().to_dict("records"),
+    }
+    write_json(folder / "comparison.json", record)
 
 
 def save_comparison_by_test(
@@ -148,22 +146,21 @@ def save_comparison_by_test(
     """Write ``comparison.csv``, ``left_out_tests.csv`` and ``comparison.json``."""
     write_text(folder / "comparison.csv", csv_text(table_of_fits(comparison), index=True))
     write_text(folder / "left_out_tests.csv", csv_text(table_of_tests(comparison), index=True))
-    write_json(
-        folder / "comparison.json",
-        {
-            **origins(joints, command=command),
-            "marginal_likelihoods": {
-                name: {
-                    "all": _record(result.all_tests),
-                    "without": dict(zip(result.tests, map(_record, result.without), strict=True)),
-                }
-                for name, result in comparison.results.items()
-            },
-            "reliable": comparison.reliable,
-            "pairs": _pair_records(pairs_by_test(comparison)),
-            "sentences": list(sentences_by_test(comparison)),
-        },
-    )
+    integrals = {
+        name: {
+            "all": _record(result.all_tests),
+            "without": dict(zip(result.tests, map(_record, result.without), strict=True)),
+        }
+        for name, result in comparison.results.items()
+    }
+    record = {
+        **origins(joints, command=command),
+        "marginal_likelihoods": integrals,
+        "reliable": comparison.reliable,
+        "pairs": _pair_records(pairs_by_test(comparison)),
+        "sentences": list(sentences_by_test(comparison)),
+    }
+    write_json(folder / "comparison.json", record)
 
 
 def _record(integral: LogIntegral) -> dict[str, float]:

@@ -50,7 +50,8 @@ def run(_: argparse.Namespace) -> int:
 def diagnose() -> tuple[Finding, ...]:
     """Look at Python, the packages, the compiler, make, CmdStan, the cache and the programs."""
     return (
-        _python(),
+        # Too old a Python is refused when pyburgers is installed.
+        Finding("Python", True, f"{platform.python_version()} ({sys.executable})"),
         *_packages(),
         _tool("C++ compiler", compiler_version),
         _tool("make", make_version),
@@ -79,11 +80,6 @@ def _verdict(finding: Finding) -> str:
     if finding.ok:
         return "ok"
     return "MISSING" if finding.required else "-"
-
-
-def _python() -> Finding:
-    # Too old a Python is refused when pyburgers is installed.
-    return Finding("Python", True, f"{platform.python_version()} ({sys.executable})")
 
 
 def _packages() -> list[Finding]:
@@ -153,20 +149,13 @@ def _cache(folder: Path) -> Finding:
         with tempfile.TemporaryFile(dir=folder):
             pass
     except OSError as error:
-        return Finding(
-            "cache folder",
-            False,
-            f"{folder} cannot be written ({error.strerror})",
-            "make it writable, or set PYBURGERS_CACHE to another folder",
-        )
+        found = f"{folder} cannot be written ({error.strerror})"
+        remedy = "make it writable, or set PYBURGERS_CACHE to another folder"
+        return Finding("cache folder", False, found, remedy)
     return Finding("cache folder", True, str(folder))
 
 
 def _program(program: Path, executable: Path) -> Finding:
-    compiled = executable.is_file()
-    return Finding(
-        program.name,
-        compiled,
-        "compiled" if compiled else "not compiled yet; the first fit that needs it does that",
-        required=False,
-    )
+    is_there = executable.is_file()
+    found = "compiled" if is_there else "not compiled yet; the first fit that needs it does that"
+    return Finding(program.name, is_there, found, required=False)

@@ -16,9 +16,8 @@ from pyburgers.predictions.stress_cycles import Regime
 
 def add_options(command: argparse.ArgumentParser) -> None:
     """Add the arguments of the command."""
-    command.add_argument(
-        "directory", type=Path, metavar="RUN", help="run directory of fit or fit-rates"
-    )
+    what = "run directory of fit or fit-rates"
+    command.add_argument("directory", type=Path, metavar="RUN", help=what)
     command.add_argument("--format", choices=sorted(FORMATS), default="json", help="of the output")
     command.add_argument("--test", metavar="ID", help="test of a joint fit")
     command.add_argument(
@@ -61,7 +60,12 @@ def run(options: argparse.Namespace) -> int:
     files = [] if options.out is None else export_files(options.out, n_texts)
     for file in files:
         check_output(file, options.directory)
-        _require_own(file)
+        # No input tells which files somebody else has written.
+        if file.is_file() and file.stat().st_size and not is_exported(file):
+            raise InputError(
+                f"--out {file}: holds something else than an export, expected a new file or an "
+                "earlier export."
+            )
     grain_size, stress = options.grain_size_um, UNITS["stress"]["MPa"]
     cycles = (options.median_stress_MPa, options.amplitude_MPa)
     if cycles.count(None) == 1:
@@ -88,15 +92,6 @@ def run(options: argparse.Namespace) -> int:
     for file in files:
         print(shown(file))
     return 0
-
-
-def _require_own(out: Path) -> None:
-    """Refuse to write over what somebody else has written: no input tells which files those are."""
-    if out.is_file() and out.stat().st_size and not is_exported(out):
-        raise InputError(
-            f"--out {out}: holds something else than an export, expected a new file or an earlier "
-            "export."
-        )
 
 
 def _loaded(directory: Path, test: str | None) -> AnyFit:

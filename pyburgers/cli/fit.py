@@ -19,12 +19,11 @@ from pyburgers.common.paths import shown
 from pyburgers.common.tables_in_files import read_once
 from pyburgers.comparison.conclusions import what_a_yes_leaves_open
 from pyburgers.fitting.fit import fit
-from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.kind import load_experiment
 from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.kinds.problem import of_one_program
 from pyburgers.kinds.program_data import fixed_in_effect
-from pyburgers.kinds.stan_data import FAST, SOLVERS, SolverOptions
+from pyburgers.kinds.stan_data import FAST, SOLVERS
 from pyburgers.kinds.together import priors_for
 from pyburgers.model.flow_law_prior import FLOW_LAW_PRIOR_FILE, FlowLawPrior, load_flow_law_of_run
 from pyburgers.model.pooling import parse_pooling
@@ -84,36 +83,30 @@ def run(options: argparse.Namespace) -> int:
     source: Path | None = options.priors_from
     if source is not None:
         priors = with_flow_law(priors, _flow_law_of(source), f"--priors-from {source}")
+    usual = likelihood_of(experiments[0]).solver
+    tolerance = usual.tolerance if options.tolerance is None else options.tolerance
     result = fit(
         experiments,
         priors,
         pool=pool,
         out=options.out or Path("runs") / "+".join(experiment.id for experiment in experiments),
         options=sampler_options(options),
-        solver=_solver_of(options, experiments[0]),
+        solver=replace(usual, tolerance=tolerance, method=options.solver),
         use_likelihood=not options.prior_only,
         command=command_line(),
         more_draws=options.more_draws,
         overwrite=options.overwrite,
     )
-    table = (
-        shown_pooling_table(pooling_table(result))
-        if result.is_joint
-        else parameter_table(result.summary("SI"), result.priors, fixed_in_effect(result))
-    )
+    if result.is_joint:
+        table = shown_pooling_table(pooling_table(result))
+    else:
+        table = parameter_table(result.summary("SI"), result.priors, fixed_in_effect(result))
     print_table(table, ["quantity", "unit", "pooling", "fit"])
     print(shown(f"run directory: {result.directory.path}"))
     print_lines(result.origins)
     code = print_checks(result.checks(), result.prior_conflicts(), result.prior_decisions())
     print_lines(what_a_yes_leaves_open(result))
     return code
-
-
-def _solver_of(options: argparse.Namespace, experiment: Experiment) -> SolverOptions:
-    """Return the options of the solver; the tolerance is that of the protocol unless stated."""
-    usual = likelihood_of(experiment).solver
-    tolerance = usual.tolerance if options.tolerance is None else options.tolerance
-    return replace(usual, tolerance=tolerance, method=options.solver)
 
 
 def _flow_law_of(source: Path) -> FlowLawPrior:

@@ -66,7 +66,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         return _answered(arguments)
     except Exception as error:  # the last resort: nothing above expects it
-        return _ended(f"{_told(error)}; {_kept_traceback()}.", 1)
+        fault = f"the program has a fault ({type(error).__name__}: {error})"
+        return _ended(f"{fault}; {_kept_traceback()}.", 1)
 
 
 def _answered(arguments: Sequence[str] | None) -> int:
@@ -194,11 +195,6 @@ def _ended(sentence: str, code: int) -> int:
     with suppress(OSError):
         print(message_text(shown(f"pyburgers: {sentence}")), file=sys.stderr)
     return code
-
-
-def _told(error: Exception) -> str:
-    """Say which error of the program nobody has foreseen."""
-    return f"the program has a fault ({type(error).__name__}: {error})"
 
 
 def _kept_traceback() -> str:

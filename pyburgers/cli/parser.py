@@ -41,11 +41,7 @@ class HelpWithDefaults(argparse.HelpFormatter):
 
 def is_text(text: str) -> bool:
     """Tell whether files can hold a typed text: bytes that are no text cannot be encoded again."""
-    try:
-        text.encode("utf-8")
-    except UnicodeEncodeError:
-        return False
-    return True
+    return text.encode("utf-8", "ignore").decode("utf-8") == text
 
 
 def all_arguments(parser: argparse.ArgumentParser) -> Iterator[argparse.Action]:
@@ -55,11 +51,6 @@ def all_arguments(parser: argparse.ArgumentParser) -> Iterator[argparse.Action]:
         if isinstance(action, argparse._SubParsersAction):
             for below in action.choices.values():
                 yield from all_arguments(below)
-
-
-def offer(action: argparse.Action, values: Sequence[str]) -> None:
-    """Have a shell offer values of an argument, where others are possible too."""
-    vars(action)["offered"] = values
 
 
 def _path(text: str) -> Path:
@@ -92,12 +83,9 @@ class OneLineParser(argparse.ArgumentParser):
         )
 
     def _get_value(self, action: argparse.Action, arg_string: str) -> Any:
-        """Return the value of an argument; a text that is kept has to be text in files, too.
-
-        Names of files may be any bytes.
-        """
+        """Return the value of an argument; a text that is kept has to be text in files, too."""
         value = super()._get_value(action, arg_string)
-        # The words of a command are read again, each as what it is.
+        # Names of files may be any bytes. The words of a command are read again, as what they are.
         is_kept = isinstance(value, str) and not isinstance(action, argparse._SubParsersAction)
         if is_kept and not is_text(value):
             raise argparse.ArgumentError(

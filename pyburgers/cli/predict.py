@@ -45,8 +45,6 @@ from pyburgers.predictions.other_tests import band_table, reading_table, score_s
 from pyburgers.predictions.other_tests import overview_table as overview_of_test
 from pyburgers.predictions.stress_cycles import HOLD_TIME, PAPER_REGIMES, Regime, regimes_named
 
-UM = UNITS["length"]["um"]
-
 TEST, ATTENUATION = "test", "attenuation"
 """What can be predicted."""
 
@@ -132,23 +130,17 @@ def _add_attenuation_options(command: argparse.ArgumentParser) -> None:
         ("--pressure-MPa", "P", "default: the experiment's, as of the next two"),
         ("--water-fugacity-MPa", "F", "for fits whose rates depend on it"),
         ("--melt-fraction", "PHI", "the same"),
+        ("--hold-time-h", "H", "time at the median stress before the cycles"),
+        (
+            "--critical-share",
+            "S",
+            "frozen microstructure counts as failing where the hold or a cycle strains by more "
+            "than this share of the smaller critical strain",
+        ),
     ):
         command.add_argument(option, type=float, metavar=metavar, help=what)
-    command.add_argument(
-        "--hold-time-h",
-        type=float,
-        metavar="H",
-        default=HOLD_TIME / UNITS["time"]["h"],
-        help="time at the median stress before the cycles",
-    )
-    command.add_argument(
-        "--critical-share",
-        type=float,
-        metavar="S",
-        default=CRITICAL_SHARE,
-        help="frozen microstructure counts as failing where the hold or a cycle strains by more "
-        "than this share of the smaller critical strain",
-    )
+    hold_time = HOLD_TIME / UNITS["time"]["h"]
+    command.set_defaults(hold_time_h=hold_time, critical_share=CRITICAL_SHARE)
     command.add_argument(
         "--microstructure",
         choices=("initial", "steady-state"),
@@ -219,54 +211,43 @@ def _predict(fit: Fit, options: argparse.Namespace, out: Path) -> None:
     """Predict from a test; write the files and print them."""
     beside = (".nc", ".png", ".svg", "_evolving.csv", "_evolving.nc")
     check_output(out, options.directory, options.measured, beside=beside)
-    grain_size = options.grain_size_um
+    grain_size, stress = options.grain_size_um, UNITS["stress"]["MPa"]
     modulus, deviation = _elastic_modulus(options)
     hold_time = options.hold_time_h * UNITS["time"]["h"]
     regimes = _regimes(options)
-    environment = {
-        name: value * factor
-        for name, value, factor in (
-            ("pressure", options.pressure_MPa, UNITS["stress"]["MPa"]),
-            ("water_fugacity", options.water_fugacity_MPa, UNITS["stress"]["MPa"]),
-            ("melt_fraction", options.melt_fraction, 1.0),
-        )
-        if value is not None
-    }
+    stated = (
+        ("pressure", options.pressure_MPa, stress),
+        ("water_fugacity", options.water_fugacity_MPa, stress),
+        ("melt_fraction", options.melt_fraction, 1.0),
+    )
+    environment = {name: value * unit for name, value, unit in stated if value is not None}
     material: dict[str, Any] = {
         "microstructure": options.microstructure.replace("-", "_"),
         "temperature": options.temperature_K,
-        "grain_size": None if grain_size is None else grain_size * UM,
+        "grain_size": None if grain_size is None else grain_size * UNITS["length"]["um"],
         "fabric_factor": options.fabric_factor,
         "elastic_modulus": modulus,
         "elastic_modulus_sd": deviation,
         "environment": environment,
         "seed": options.seed,
     }
+    frequencies, share = options.frequencies_Hz or DEFAULT_FREQUENCIES, options.critical_share
     spectrum = predict_attenuation(
-        fit,
-        options.frequencies_Hz or DEFAULT_FREQUENCIES,
-        regimes,
-        **material,
-        hold_time=hold_time,
-        critical_share=options.critical_share,
+        fit, frequencies, regimes, **material, hold_time=hold_time, critical_share=share
     )
     comparison = None
     if options.evolving is not None:
-        comparison = evolving_attenuation(
-            fitted_material(fit, **material),
-            options.evolving or EVOLVING_FREQUENCIES,
-            regimes,
-            hold_time=hold_time,
-        )
+        evolved, at = fitted_material(fit, **material), options.evolving or EVOLVING_FREQUENCIES
+        comparison = evolving_attenuation(evolved, at, regimes, hold_time=hold_time)
     measured = None if options.measured is None else load_measured_attenuation(options.measured)
     figure = attenuation(spectrum, spectrum.attrs["title"], comparison, measured)
     files = [out.with_suffix(suffix) for suffix in (".csv", ".nc", ".png", ".svg")]
     spectra, tables = {out: spectrum}, {out: quantile_table(spectrum)}
     if comparison is not None:
-        evolved = out.with_name(f"{out.stem}_evolving.csv")
-        spectra[evolved] = comparison.assign_attrs(which_draws=fit.which_draws)
-        tables[evolved] = evolving_table(comparison)
-        files += [evolved, evolved.with_suffix(".nc")]
+        beside_it = out.with_name(f"{out.stem}_evolving.csv")
+        spectra[beside_it] = comparison.assign_attrs(which_draws=fit.which_draws)
+        tables[beside_it] = evolving_table(comparison)
+        files += [beside_it, beside_it.with_suffix(".nc")]
     with writing(out):
         out.parent.mkdir(parents=True, exist_ok=True)
         # Draws first: where the disk is full, an older set stays whole.
@@ -290,9 +271,7 @@ def _predict(fit: Fit, options: argparse.Namespace, out: Path) -> None:
 
 def _elastic_modulus(options: argparse.Namespace) -> tuple[float | None, float]:
     """Mean and standard deviation (Pa) of a given elastic modulus."""
-    given = options.elastic_modulus_Pa
-    if given is None:
-        return None, 0.0
+    given = options.elastic_modulus_Pa or [None]
     if len(given) > 2:
         raise InputError(
             f"--elastic-modulus-Pa: found {len(given)} numbers, expected the modulus and, if it "
@@ -303,20 +282,20 @@ def _elastic_modulus(options: argparse.Namespace) -> tuple[float | None, float]:
 
 def _regimes(options: argparse.Namespace) -> Sequence[Regime]:
     """Imposed stresses as asked for: the paper's, some of them, or given ones."""
-    medians, amplitudes = options.median_stress_MPa, options.amplitude_MPa
-    if options.regimes is not None and (medians is not None or amplitudes is not None):
+    medians, amplitudes = options.median_stress_MPa or [], options.amplitude_MPa or []
+    if options.regimes is not None and (medians or amplitudes):
         raise InputError(
             "--regimes: found it beside --median-stress-MPa or --amplitude-MPa, expected either "
             "the paper's regimes or given ones."
         )
     if options.regimes is not None:
         return regimes_named(options.regimes)
-    if medians is None and amplitudes is None:
+    if not medians and not amplitudes:
         return PAPER_REGIMES
-    if len(medians or []) != len(amplitudes or []):
+    if len(medians) != len(amplitudes):
         raise InputError(
-            f"--median-stress-MPa, --amplitude-MPa: found {len(medians or [])} and "
-            f"{len(amplitudes or [])} numbers, expected as many of one as of the other."
+            f"--median-stress-MPa, --amplitude-MPa: found {len(medians)} and {len(amplitudes)} "
+            "numbers, expected as many of one as of the other."
         )
     factor = UNITS["stress"]["MPa"]
     pairs = zip(medians, amplitudes, strict=True)

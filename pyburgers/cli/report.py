@@ -37,19 +37,16 @@ def add_options(command: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the command; return its exit code."""
-    loaded, of_tables = list[Fit](), list[RateFit]()
-    damaged = list[InputError]()
+    found, damaged = list[Fit | RateFit](), list[InputError]()
     for one in options.directories:
         try:
-            fit = fit_of_run(one)
-            if isinstance(fit, Fit):
-                loaded.append(fit)
-            else:
-                of_tables.append(fit)
+            found.append(fit_of_run(one))
         except InputError as error:
             damaged.append(error)
-    if damaged and not loaded and not of_tables:
+    if damaged and not found:
         raise damaged[0]
+    loaded = [fit for fit in found if isinstance(fit, Fit)]
+    of_tables = [fit for fit in found if isinstance(fit, RateFit)]
     names = names_of_runs([fit.directory.path for fit in of_tables])
     tables = {
         f"{RATE_KEY}_{file_key(name)}": fit for name, fit in zip(names, of_tables, strict=True)

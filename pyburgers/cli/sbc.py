@@ -68,21 +68,12 @@ def add_options(command: argparse.ArgumentParser) -> None:
         help=f"repetitions, {LONGER} times as long each, of a fit that has not converged; "
         "can be raised later",
     )
-    command.add_argument(
-        "--stress-range",
-        type=float,
-        nargs=2,
-        metavar=("LOW", "HIGH"),
-        help="replace data sets whose largest stress lies outside these (MPa)",
-    )
-    command.add_argument(
-        "--strain-range",
-        type=float,
-        nargs=2,
-        metavar=("LOW", "HIGH"),
-        help="replace data sets whose largest strain, where strain is read, lies outside these "
-        "(percent)",
-    )
+    for option, what in (
+        ("--stress-range", "stress lies outside these (MPa)"),
+        ("--strain-range", "strain, where strain is read, lies outside these (percent)"),
+    ):
+        text = f"replace data sets whose largest {what}"
+        command.add_argument(option, type=float, nargs=2, metavar=("LOW", "HIGH"), help=text)
     command.add_argument(
         RESULTS_OF,
         type=Path,

@@ -9,7 +9,6 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from pyburgers.cli.parser import offer
 from pyburgers.common.errors import InputError
 from pyburgers.kinds.likelihood import Likelihood, likelihoods
 from pyburgers.model.variants import CHOICES
@@ -45,7 +44,9 @@ def add_variant_option(command: argparse.ArgumentParser) -> None:
         help="another law for a part of the model, such as kelvin=power_law; may be repeated: "
         + ", ".join(f"{part}={'|'.join(laws)}" for part, laws in CHOICES.items()),
     )
-    offer(variant, [f"{part}={law}" for part, laws in CHOICES.items() for law in laws])
+    # A shell offers these; others are possible too.
+    offered = [f"{part}={law}" for part, laws in CHOICES.items() for law in laws]
+    vars(variant)["offered"] = offered
 
 
 def add_sampler_options(

@@ -32,12 +32,8 @@ MEAN = "mean"
 
 def add_options(command: argparse.ArgumentParser) -> None:
     """Add the arguments of the command."""
-    command.add_argument(
-        "experiment",
-        type=Path,
-        metavar="EXPERIMENT.toml",
-        help="an imagined test needs no [data]",
-    )
+    imagined = "an imagined test needs no [data]"
+    command.add_argument("experiment", type=Path, metavar="EXPERIMENT.toml", help=imagined)
     which = command.add_mutually_exclusive_group(required=True)
     which.add_argument("--parameters", type=Path, metavar="P.json", help="SI values by name")
     which.add_argument("--from", dest="run_of", type=Path, metavar="RUN", help="those of a fit")
@@ -62,7 +58,12 @@ def run(options: argparse.Namespace) -> int:
     check_output(options.out, options.experiment, options.parameters, options.run_of)
     laws: dict[str, str] = {}
     if options.run_of is None:
-        _check_without_run(options)
+        for option, value in (("--draw", options.draw), ("--test", options.test)):
+            if value is not None:
+                raise InputError(
+                    f"{option} {value}: found it beside --parameters, expected it with --from, the "
+                    "run that it chooses from."
+                )
         parameters = load_parameters(options.parameters)
         ranges = {name: (value, value) for name, value in parameters.items()}
         for sentence in unlikely_numbers(experiment.material, ranges):
@@ -88,23 +89,10 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _check_without_run(options: argparse.Namespace) -> None:
-    """Refuse what chooses among the draws of a fit where there is none."""
-    for option, value in (("--draw", options.draw), ("--test", options.test)):
-        if value is not None:
-            raise InputError(
-                f"{option} {value}: found it beside --parameters, expected it with --from, the "
-                "run that it chooses from."
-            )
-
-
 def _of_fit(
     path: Path, test: str | None, draw: str | None, experiment: Experiment
 ) -> tuple[dict[str, float], dict[str, str]]:
-    """Return the parameters (SI) of a draw of a fit, or their mean, and the laws of the fit.
-
-    Both as far as a test has them. Without `draw`, the draw is the most central one.
-    """
+    """Return the parameters (SI) of a draw of a fit, by default the most central, and its laws."""
     fit = Fit.load(path)
     one = fit if test is None else fit[test]
     draws = one.posterior["posterior"].to_dataset()[list(one.priors.priors)]
@@ -137,10 +125,8 @@ def _of_fit(
 
 
 def _most_central(fit: Fit) -> int:
-    """Return the draw, from 0 through all chains, whose solution is nearest to the median one.
-
-    Means of parameters along a curved ridge lie off it. Readings count in units of their spread.
-    """
+    """Return the draw, from 0 through all chains, whose solution is nearest to the median one."""
+    # Means of parameters along a curved ridge lie off it.
     solved = all_draws(response_in(fit.posterior, "model_response")).astype(np.float64)
     spread = np.nanstd(solved, axis=0)
     away = (solved - np.nanmedian(solved, axis=0))[:, spread > 0] / spread[spread > 0]

@@ -129,15 +129,14 @@ def _key(sources: _Sources, tools: Toolchain) -> str:
 
 
 def _recipe(sources: _Sources, tools: Toolchain) -> str:
-    return sha256_of_json(
-        {
-            "sources": asdict(sources),
-            "cmdstan": tools.cmdstan_version,
-            "compiler": tools.compiler,
-            "compile_flags": tools.compile_flags,
-            "machine": [platform.system(), platform.machine()],
-        }
-    )
+    recipe = {
+        "sources": asdict(sources),
+        "cmdstan": tools.cmdstan_version,
+        "compiler": tools.compiler,
+        "compile_flags": tools.compile_flags,
+        "machine": [platform.system(), platform.machine()],
+    }
+    return sha256_of_json(recipe)
 
 
 def compile_program(program: Path) -> Path:
@@ -208,13 +207,10 @@ def _compiled_before(sources: _Sources, cmdstan: Path) -> Path | None:
 
 
 def _sources_key(sources: _Sources, cmdstan: Path) -> str:
+    machine = platform.system(), platform.machine()
+    flags = list(compile_flags(cmdstan))
     return sha256_of_json(
-        [
-            asdict(sources),
-            *(str(cmdstan), cmdstan_version(cmdstan)),
-            list(compile_flags(cmdstan)),
-            *(platform.system(), platform.machine()),
-        ]
+        [asdict(sources), str(cmdstan), cmdstan_version(cmdstan), flags, *machine]
     )
 
 

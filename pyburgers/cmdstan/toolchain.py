@@ -44,7 +44,7 @@ class MissingToolError(ToolchainError):
 
 @dataclass(frozen=True)
 class Toolchain:
-    """CmdStan, compiler, make and flags; of tools the first line of ``--version``.
+    """CmdStan, compiler and flags; of the compiler the first line of ``--version``.
 
     Compile flags are compiler variables of the environment, and the settings of CmdStan's
     ``make/local`` and ``~/.config/stan/make.local``. CmdStan's defaults (-O3, range checks on) are
@@ -55,7 +55,6 @@ class Toolchain:
     cmdstan_path: Path
     cmdstan_version: str
     compiler: str
-    make: str
     compile_flags: tuple[str, ...]
 
     def compile(
@@ -75,14 +74,9 @@ class Toolchain:
             path.write_text(text, encoding="utf-8")
         program = folder / name
         headers = [Path(file).with_suffix(".hpp") for file in declared]
-        stanc = run_tool(
-            [
-                *(self.cmdstan_path / "bin" / "stanc", "--include-paths=."),
-                *(["--allow-undefined"] if headers else []),
-                *(f"--o={program.stem}.hpp", name),
-            ],
-            cwd=folder,
-        )
+        command = [self.cmdstan_path / "bin" / "stanc", "--include-paths=."]
+        command += ["--allow-undefined"] if headers else []
+        stanc = run_tool([*command, f"--o={program.stem}.hpp", name], cwd=folder)
         said = stanc.stdout.strip()
         if stanc.returncode != 0:
             raise ToolchainError(f"stanc {self.cmdstan_version} does not accept {name}:\n{said}")
@@ -214,13 +208,9 @@ def toolchain(cmdstan: Path) -> Toolchain:
     defect = cmdstan_defect(cmdstan)
     if defect is not None:
         raise ToolchainError(f"{cmdstan} {defect}.")
-    return Toolchain(
-        cmdstan_path=cmdstan,
-        cmdstan_version=cmdstan_version(cmdstan),
-        compiler=compiler_version(),
-        make=make_version(),
-        compile_flags=compile_flags(cmdstan),
-    )
+    version, compiler = cmdstan_version(cmdstan), compiler_version()
+    make_version()
+    return Toolchain(cmdstan, version, compiler, compile_flags(cmdstan))
 
 
 def compile_flags(cmdstan: Path) -> tuple[str, ...]:

@@ -115,10 +115,8 @@ class Running:
         return self.process.stdout
 
     def _copy_printed(self) -> None:
-        """Copy what the program has printed since the last call to its file.
-
-        An interrupt is heard between two parts, though the program prints without an end.
-        """
+        """Copy what the program has printed since the last call to its file."""
+        # An interrupt is heard between two parts, though the program prints without an end.
         while text := self._pipe.read(PART):
             with self.console.open("ab") as file:
                 file.write(text)

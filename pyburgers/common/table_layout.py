@@ -280,10 +280,8 @@ def _names(cells: Sequence[str], separator: str, width: int) -> tuple[str, ...] 
 
 
 def _are_numbered(rows: Sequence[Row], separator: str) -> bool:
-    """Whether the first cells count the rows, as those of a table that R wrote.
-
-    Between commas they may be thousands, or have been cut off by decimal commas.
-    """
+    """Whether the first cells count the rows, as those of a table that R wrote."""
+    # Between commas they may be thousands, or have been cut off by decimal commas.
     return separator != "," and all(
         cells[0] == str(number) for number, (_, cells) in enumerate(rows, start=1)
     )

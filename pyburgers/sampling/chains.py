@@ -266,8 +266,10 @@ def _start_chain(
         start, warmup = run.initial_values_file(chain), options.warmup_iterations
         steps = _arguments_of_warmup(run, options)
     else:
-        start, warmup = scratch / "start.json", 0
-        steps = _arguments_to_go_on(before, scratch / "metric.json")
+        start, warmup, metric = scratch / "start.json", 0, scratch / "metric.json"
+        write_json(metric, {"inv_metric": before.adapted.metric.tolist()})
+        steps = [f"stepsize={before.adapted.step_size!r}", "metric=dense_e"]
+        steps += [f"metric_file={metric}", "adapt", "engaged=0"]
         last = read_draws([before.draws_file])
         # The file of draws has no column of a vector without elements.
         first = read_json(run.initial_values_file(chain))
@@ -312,15 +314,6 @@ def _arguments_of_warmup(run: RunDirectory, options: SamplerOptions) -> list[str
         *first_metric,
         *("adapt", "engaged=1", f"delta={options.adapt_delta}", f"gamma={STEP_SIZE_DAMPING}"),
         *(f"{name}={n}" for name, n in phases.items()),
-    ]
-
-
-def _arguments_to_go_on(before: Resumption, metric_file: Path) -> list[str]:
-    """Return the step and the metric that stay, and write the latter."""
-    write_json(metric_file, {"inv_metric": before.adapted.metric.tolist()})
-    return [
-        *(f"stepsize={before.adapted.step_size!r}", "metric=dense_e"),
-        *(f"metric_file={metric_file}", "adapt", "engaged=0"),
     ]
 
 

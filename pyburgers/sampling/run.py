@@ -100,13 +100,12 @@ def complete_chains(
         if not_extended:
             break
     status = "chains missing" if failures else "sampled"
-    run.update_manifest(
-        {
-            "status": "extension failed" if not_extended else status,
-            "failures": [failure.model_dump() for failure in (*failures, *not_extended)],
-            "chains": run.chain_records(),
-        }
-    )
+    found = {
+        "status": "extension failed" if not_extended else status,
+        "failures": [failure.model_dump() for failure in (*failures, *not_extended)],
+        "chains": run.chain_records(),
+    }
+    run.update_manifest(found)
     if not run.finished_chains():
         raise _error_of(failures, "No chain finished")
     if not_extended:

@@ -339,7 +339,7 @@ class RunDirectory:
         try:
             if not self.manifest_file.is_file():
                 # Before everything else, so that a run killed early is known as ours.
-                self._note_claim(fingerprint)
+                self.write_manifest({"fingerprint": fingerprint, "status": "claimed"})
             self.require_unchanged()
             # What is written from here on is noted when it is complete.
             self.update_manifest({"hashes": {}, "chains": self.chain_records()})
@@ -355,10 +355,6 @@ class RunDirectory:
         except OSError as error:
             raise InputError(f"{self.path}: cannot be written ({error.strerror}).") from error
 
-    def _note_claim(self, fingerprint: str) -> None:
-        """Write the manifest of a run of which there is nothing yet."""
-        self.write_manifest({"fingerprint": fingerprint, "status": "claimed"})
-
     def clear(self, fingerprint: str) -> None:
         """Remove the run, and nothing else that may lie here, to make place for another one."""
         with self._locked(0.0):
@@ -371,7 +367,7 @@ class RunDirectory:
                     else:
                         entry.unlink()
                 # Until here the manifest says what is left of the old run.
-                self._note_claim(fingerprint)
+                self.write_manifest({"fingerprint": fingerprint, "status": "claimed"})
             except OSError as error:
                 raise InputError(f"{self.path}: cannot be removed ({error.strerror}).") from error
 

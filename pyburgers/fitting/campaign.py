@@ -201,12 +201,8 @@ def fit_side_by_side(
         found[name] = Fit.load(out)
         after(name, found[name])
 
-    run_fits(
-        {out: tasks[name] for out, name in names.items()},
-        workers=workers,
-        command=command,
-        after=keep,
-    )
+    in_folders = {out: tasks[name] for out, name in names.items()}
+    run_fits(in_folders, workers=workers, command=command, after=keep)
     return {name: found[name] for name in workers.mine(tasks)}
 
 
@@ -401,16 +397,15 @@ def _hash_of_inputs(run: RunDirectory, record: Mapping[str, Any]) -> str:
 def shown_status_table(table: pd.DataFrame) -> pd.DataFrame:
     """Return a table of `status_table` as text, for the terminal and the page."""
     chains = table["chains"].astype(str) + " of " + table["of_chains"].astype(str)
-    return pd.DataFrame(
-        {
-            "run": table.index,
-            "status": table["status"],
-            "chains": chains,
-            "sampled well?": table["sampled_well"],
-            "describes the data?": table["describes_data"],
-            "chains took (s)": table["chain_seconds"].map("{:.0f}".format),
-        }
-    )
+    columns = {
+        "run": table.index,
+        "status": table["status"],
+        "chains": chains,
+        "sampled well?": table["sampled_well"],
+        "describes the data?": table["describes_data"],
+        "chains took (s)": table["chain_seconds"].map("{:.0f}".format),
+    }
+    return pd.DataFrame(columns)
 
 
 def run_folder(out: Path, one: Combination) -> Path:

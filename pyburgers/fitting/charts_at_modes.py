@@ -63,15 +63,10 @@ LEAST_SPREAD = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class ProblemMode:
-    """The highest density found of a problem.
+    """The highest density found of a problem, and other modes that were met on the way."""
 
-    `tests`: values of each test, and its plain coordinates by itself.
-    `coordinate` (n_coordinates,): plain coordinates of all tests together.
-    `others`: other modes that were met on the way.
-    """
-
-    tests: tuple[Mode, ...]
-    coordinate: FloatArray
+    tests: tuple[Mode, ...]  # each by itself
+    coordinate: FloatArray  # (n_coordinates,), plain ones of all tests together
     others: tuple[OtherMode, ...] = ()
 
 
@@ -202,12 +197,10 @@ def _chart_at(problem: Problem, density: Density, mode: ProblemMode, *, seed: in
     if problem.partial or around.expected_rise(centre, covariance) > LARGEST_RISE:
         centre = around.ends([centre], seed=seed)[0].place
         covariance = around.laplace(centre)
-    references = [
-        None
-        if test is None
-        else chart.rescaled(reference, test, covariance[np.ix_(places, places)])
-        for reference, test, places in zip(references, tests, layout.position, strict=True)
-    ]
+    for e, (test, places) in enumerate(zip(tests, layout.position, strict=True)):
+        if test is not None:
+            own = covariance[np.ix_(places, places)]
+            references[e] = chart.rescaled(references[e], test, own)
     block = {**block, **chart.block(references, layout)}
     why = "the priors and the record suit them"
     return ChosenChart(chart.name, why, block, centre, covariance, mode.others)

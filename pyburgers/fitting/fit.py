@@ -117,11 +117,6 @@ class Fit(SampledFit):
 
         Its tables, figures and predictions are those of fits of one test; draws of a shared
         parameter are the same in all tests.
-
-        Raises
-        ------
-        InputError
-            If there is no such test.
         """
         tests = self.tests()
         if test not in tests:
@@ -142,16 +137,11 @@ class Fit(SampledFit):
         groups = groups_of_tests(self.posterior)
         parts = [*map(one_test, self.problem.experiments, self.problem.by_effect())]
         beside = scores_beside(self.problem, parts, groups)
-        return {
-            alone.name: replace(
-                self,
-                posterior=groups[alone.name],
-                problem=alone,
-                scores_beside=beside[alone.name],
-                whole=self,
-            )
-            for alone in parts
-        }
+        found = {}
+        for alone in parts:
+            one = replace(self, posterior=groups[alone.name], problem=alone, whole=self)
+            found[alone.name] = replace(one, scores_beside=beside[alone.name])
+        return found
 
     @cached_property
     def prior_doubts(self) -> tuple[str, ...]:
@@ -182,19 +172,9 @@ class Fit(SampledFit):
             found[name] = self._usable(influences)
         return found
 
-    def decisions(self) -> dict[str, Influence]:
-        """Return who decides each row of `summary`.
-
-        Examples
-        --------
-        >>> sorted(fit.decisions())
-        ['activation_enthalpy', 'maxwell_modulus', 'reference_stress', 'stress_noise']
-        """
-        return self._decisions
-
     @cached_property
     def _decisions(self) -> dict[str, Influence]:
-        """The decisions, computed once: tables and pages ask for them again and again."""
+        """Shared parameters once, others by the test that owns them."""
         found: dict[str, Influence] = {}
         for e, of_test in enumerate(self.influences().values()):
             for name, one in of_test.items():
@@ -213,12 +193,9 @@ class Fit(SampledFit):
         new_sample: bool = False,
         seed: int = 1,
     ) -> Prediction:
-        """Predict another test from the draws (`pyburgers.fitting.prediction`).
+        """Predict another test from the draws.
 
-        Parameters
-        ----------
-        experiment, draws, separate_from, new_sample, seed
-            As for `pyburgers.fitting.prediction.predict_test`, which says what is raised.
+        `pyburgers.fitting.prediction.predict_test` describes the arguments, and what is raised.
 
         Examples
         --------
@@ -242,25 +219,13 @@ class Fit(SampledFit):
         return prior_groups(self.experiment, self.priors, draws, seed)
 
     def report(self, path: str | Path, *, title: str | None = None) -> Path:
-        """Write a page about the fit.
+        """Write a page about the fit, with a heading; return its path.
 
         Parameters
         ----------
         path : path
             A file that ends in ``.html``, with a folder of tables and figures beside it; or a
-            folder.
-        title : str, optional
-            Heading of the page.
-
-        Returns
-        -------
-        Path
-            The page.
-
-        Raises
-        ------
-        InputError
-            If the folder cannot be written or holds something else.
+            folder. It is an InputError if the folder cannot be written or holds something else.
 
         Examples
         --------
@@ -290,17 +255,7 @@ class Fit(SampledFit):
 
     @classmethod
     def load(cls, path: str | Path) -> Self:
-        """Read a run directory.
-
-        Parameters
-        ----------
-        path : path
-            Run directory of `fit`.
-
-        Returns
-        -------
-        Fit
-            With the draws of the chains that have finished.
+        """Read a run directory of `fit`, with the draws of the chains that have finished.
 
         Raises
         ------

@@ -39,14 +39,9 @@ TEST_PARAMETERS = ("apparatus_compliance", "strain_offset")
 
 @dataclass(frozen=True, eq=False)
 class Source:
-    """Draws that a prediction is made from.
+    """Draws that a prediction is made from: those of each fitted test, and of all together.
 
-    `problem`: what was fitted.
-    `tests`: what the fit says of each test, by its name.
-    `posterior`: labelled draws of all tests together.
-    `conditions`: those that each fitted test passed.
-    `cautions`: what is wrong with the fit: sentences.
-    `which_draws`: how many there are, and of which chains: a sentence.
+    `conditions` are those that each fitted test passed.
     """
 
     problem: Problem
@@ -270,11 +265,8 @@ def add_condition_errors(
     for condition in experiment.uncertain:
         name = condition.parameter
         label = PARAMETER_BY_NAME[name].label
-        same = [
-            test.id
-            for test in source.problem.experiments
-            if _same_apparatus(test, experiment, condition)
-        ]
+        tests = source.problem.experiments
+        same = [test.id for test in tests if _same_apparatus(test, experiment, condition)]
         if same:
             fitted = source.tests[same[0]].posterior["posterior"].to_dataset()[name]
             others[name] = all_draws(fitted)[kept].astype(np.float64)
@@ -354,13 +346,8 @@ def _box(fitted: Prior, values: FloatArray) -> Prior:
     if low == high and (fitted.is_fixed or width == 0):
         return fixed_prior(parameter, low, "fixed in the fit")
     lower, upper = low - BOX_MARGIN * width, high + BOX_MARGIN * width
-    return Prior.of_family(
-        parameter.name,
-        "uniform",
-        {"lower": lower, "upper": upper},
-        unit=parameter.si_unit,
-        source="draws of a fit",
-    )
+    ends, unit = {"lower": lower, "upper": upper}, parameter.si_unit
+    return Prior.of_family(parameter.name, "uniform", ends, unit=unit, source="draws of a fit")
 
 
 def laws_of_grains(fitted: ModelVariant) -> dict[str, str]:

@@ -105,10 +105,7 @@ def _draw_density(axes: Axes, prior: Prior, low: float, high: float) -> None:
 
 @dataclass(frozen=True)
 class FitPlots:
-    """What ``fit.plot`` draws of a test.
-
-    Every method returns its axes, new ones where none are given.
-    """
+    """What ``fit.plot`` draws of a test, into given axes or new ones, which are returned."""
 
     fit: FittedTest
 
@@ -122,10 +119,7 @@ class FitPlots:
         return axes
 
     def stress_strain(self, ax: Axes | None = None) -> Axes:
-        """Draw the stress-strain curve of a test at constant rate.
-
-        Raise InputError if the test is of another kind.
-        """
+        """Draw the stress-strain curve of a test at constant rate; refuse any other test."""
         experiment = self.fit.experiment
         if likelihood_of(experiment).clock.name != "strain":
             raise InputError(
@@ -142,10 +136,7 @@ class FitPlots:
         return axes
 
     def posterior(self, name: str, ax: Axes | None = None) -> Axes:
-        """Draw the draws of a sampled quantity, in its display unit, with the density of its prior.
-
-        Raise InputError if nothing of that name was sampled.
-        """
+        """Draw the draws of a sampled quantity, in its display unit, with its prior's density."""
         sampled = free_parameters(self.fit.posterior)
         if name not in sampled:
             raise InputError(f"{name!r} was not sampled, {nearest(name, sampled)}")

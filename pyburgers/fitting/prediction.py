@@ -230,12 +230,9 @@ def predict_test(
     priors, law_notes = transfer_laws(bounds_around(values, fitted.priors[0]), fitted, experiment)
     problem = one_test(experiment, priors)
     (coordinates,) = problem.coordinates
-    rows = np.column_stack(
-        [
-            *(coordinates.of_quantity(k, values[name]) for k, name in enumerate(priors.free)),
-            rng.standard_normal((kept.size, experiment.n_driving_errors)),
-        ]
-    )
+    places = [coordinates.of_quantity(k, values[name]) for k, name in enumerate(priors.free)]
+    errors = rng.standard_normal((kept.size, experiment.n_driving_errors))
+    rows = np.column_stack([*places, errors])
     grid = likelihood.grid(experiment)
     data = program_data(problem, solver=REFERENCE_SOLVER, grids=[grid])
     solved, drawn = load_program(likelihood.program).generate_at(

@@ -101,12 +101,9 @@ def prior_draws(
     test = experiment if experiment.n_points else experiment.to_be_solved()
     problem = one_test(test, _each_by_itself(priors))
     (coordinates,) = problem.coordinates
-    rows = np.column_stack(
-        [
-            *(coordinates.of_quantity(k, values[n]) for k, n in enumerate(coordinates.quantities)),
-            rng.standard_normal((draws, test.n_driving_errors)),
-        ]
-    )
+    names = coordinates.quantities
+    places = [coordinates.of_quantity(k, values[name]) for k, name in enumerate(names)]
+    rows = np.column_stack([*places, rng.standard_normal((draws, test.n_driving_errors))])
     grid = likelihood.grid(experiment)
     data = program_data(problem, solver=SolverOptions(), grids=[grid])
     kept, drawn = load_program(likelihood.program).generate_at(data, "coordinate", rows)
@@ -139,12 +136,9 @@ def prior_draws(
 def prior_groups(
     experiment: Experiment, priors: PriorSet, draws: int, seed: int
 ) -> dict[str, xr.Dataset]:
-    """Return draws of the free parameters, and readings with noise for each: ArviZ's groups.
-
-    Readings are left out if the prior of the flow law is a joint one.
-    """
+    """Return draws of the free parameters, and readings with noise for each: ArviZ's groups."""
     names = list(priors.free)
-    if priors.flow_law is not None:
+    if priors.flow_law is not None:  # a joint prior, of which there are no readings
         rng = np.random.default_rng(seed)
         rows = [priors.sample(rng) for _ in range(draws)]
         columns = {name: (("chain", "draw"), [[row[name] for row in rows]]) for name in names}

@@ -24,7 +24,6 @@ from pyburgers.checks.fit_checks import (
 )
 from pyburgers.cmdstan.program import Density
 from pyburgers.common.atomic_files import write_json
-from pyburgers.common.draws import FloatArray
 from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import read_json
 from pyburgers.common.units import counted, duration_text
@@ -127,7 +126,10 @@ def run_chains(
         in_chart = Density(density.program, data)
 
         def start(chain: int) -> dict[str, list[float]]:
-            laplace = _laplace(run)
+            laplace = None
+            if run.metric_file.is_file():
+                noted = read_json(run.metric_file)
+                laplace = np.array(noted["centre"]), np.array(noted["covariance"])
             return draw_start(problem, in_chart, laplace, seed=settled.seed, chain=chain)
 
         complete_chains(density.program, run, settled, start, more_draws=more_draws)
@@ -159,13 +161,12 @@ def _write_chart(run: RunDirectory, density: Density, chart: ChosenChart, *, see
         write_json(run.metric_file, {name: array.tolist() for name, array in arrays.items()})
         exact = solver_block(REFERENCE_SOLVER)
         noisy = noisy_tolerances(density, exact, chart.centre, chart.covariance, seed=seed)
-    run.update_manifest(
-        {
-            "coordinates": {"system": chart.name, "reason": chart.reason},
-            "other_modes": [one.model_dump() for one in chart.other_modes],
-            "noisy": [one.model_dump() for one in noisy],
-        }
-    )
+    found = {
+        "coordinates": {"system": chart.name, "reason": chart.reason},
+        "other_modes": [one.model_dump() for one in chart.other_modes],
+        "noisy": [one.model_dump() for one in noisy],
+    }
+    run.update_manifest(found)
     if noisy:
         tolerance = noisy[-1].tolerance / TIGHTENING
         logger.info(
@@ -175,14 +176,6 @@ def _write_chart(run: RunDirectory, density: Density, chart: ChosenChart, *, see
         density = density.with_data({"tolerance": tolerance})
     # Last: it tells that all is there.
     write_json(run.stan_data_file, density.data)
-
-
-def _laplace(run: RunDirectory) -> tuple[FloatArray, FloatArray] | None:
-    """Return the centre of a run's chart and the covariance there, None if no mode was found."""
-    if not run.metric_file.is_file():
-        return None
-    noted = read_json(run.metric_file)
-    return np.array(noted["centre"]), np.array(noted["covariance"])
 
 
 def problem_record(problem: Problem) -> dict[str, Any]:

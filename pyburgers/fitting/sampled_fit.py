@@ -63,12 +63,7 @@ ORIGINS: Mapping[str, str] = MappingProxyType(
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SampledFit(ABC):
-    """A finished run of chains: a fit of one test, of several, or of tables of rates.
-
-    `directory`: where its files are.
-    `posterior`: labelled draws.
-    `manifest`: command, seeds, versions, hashes, wall times.
-    """
+    """A finished run of chains, with its labelled draws and what its manifest notes."""
 
     directory: RunDirectory
     posterior: xr.DataTree
@@ -118,7 +113,18 @@ class SampledFit(ABC):
         """Influences by test or table, and quantity."""
 
     def decisions(self) -> dict[str, Influence]:
-        """Return who decides each row of `summary`."""
+        """Return who decides each row of `summary`.
+
+        Examples
+        --------
+        >>> sorted(fit.decisions())
+        ['activation_enthalpy', 'maxwell_modulus', 'reference_stress', 'stress_noise']
+        """
+        return self._decisions
+
+    @cached_property
+    def _decisions(self) -> dict[str, Influence]:
+        """The decisions, made once as well."""
         return {name: one for found in self.influences().values() for name, one in found.items()}
 
     def prior_conflicts(self) -> tuple[str, ...]:
@@ -235,17 +241,7 @@ class SampledFit(ABC):
         return {}
 
     def save(self, path: str | Path) -> None:
-        """Copy the run directory.
-
-        Parameters
-        ----------
-        path : path
-            New folder.
-
-        Raises
-        ------
-        InputError
-            If `path` exists.
+        """Copy the run directory to a new folder; an existing one is an InputError.
 
         Examples
         --------

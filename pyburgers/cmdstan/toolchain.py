@@ -74,7 +74,7 @@ class Toolchain:
             path.write_text(text, encoding="utf-8")
         program = folder / name
         headers = [Path(file).with_suffix(".hpp") for file in declared]
-        command = [self.cmdstan_path / "bin" / "stanc", "--include-paths=."]
+        command: list[str | Path] = [self.cmdstan_path / "bin" / "stanc", "--include-paths=."]
         command += ["--allow-undefined"] if headers else []
         stanc = run_tool([*command, f"--o={program.stem}.hpp", name], cwd=folder)
         said = stanc.stdout.strip()

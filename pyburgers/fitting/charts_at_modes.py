@@ -199,8 +199,8 @@ def _chart_at(problem: Problem, density: Density, mode: ProblemMode, *, seed: in
         covariance = around.laplace(centre)
     for e, (test, places) in enumerate(zip(tests, layout.position, strict=True)):
         if test is not None:
-            own = covariance[np.ix_(places, places)]
-            references[e] = chart.rescaled(references[e], test, own)
+            of_test = covariance[np.ix_(places, places)]
+            references[e] = chart.rescaled(references[e], test, of_test)
     block = {**block, **chart.block(references, layout)}
     why = "the priors and the record suit them"
     return ChosenChart(chart.name, why, block, centre, covariance, mode.others)

@@ -63,7 +63,7 @@ ORIGINS: Mapping[str, str] = MappingProxyType(
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SampledFit(ABC):
-    """A finished run of chains, with its labelled draws and what its manifest notes."""
+    """A finished run: its directory, labelled draws, and manifest of command, seeds and hashes."""
 
     directory: RunDirectory
     posterior: xr.DataTree

@@ -6,7 +6,7 @@ the data blocks in `stan/data/` and of the programs.
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import accumulate, pairwise
+from itertools import accumulate, chain, pairwise
 from types import MappingProxyType
 from typing import Any
 
@@ -96,6 +96,11 @@ def solver_in(data: Mapping[str, Any]) -> SolverOptions:
 def ends(sizes: Iterable[int]) -> list[int]:
     """Return where the parts of a ragged array end, after a leading 0."""
     return list(accumulate(sizes, initial=0))
+
+
+def joined(entries: Sequence[StanData]) -> StanData:
+    """Return lists of all tests, one behind the other."""
+    return {name: list(chain.from_iterable(own[name] for own in entries)) for name in entries[0]}
 
 
 REFERENCE_STRESS = REFERENCE_STRESS_QUANTITY.name

@@ -105,10 +105,7 @@ class AttenuationExperiment(Experiment):
         return {str(name): quantities * n for name, n in Counter(hottest_first).items()}
 
     def without_part(self, name: str) -> Self:
-        """Return the table without a temperature.
-
-        Raise InputError if it has no such temperature, or no other.
-        """
+        """Return the table without a temperature, which it must have, beside others."""
         if name not in self.parts:
             return super().without_part(name)
         if len(self.parts) == 1:
@@ -122,25 +119,18 @@ class AttenuationExperiment(Experiment):
     @property
     def _names(self) -> npt.NDArray[np.str_]:
         """Temperature of each row, as `parts` names it."""
-        return np.array([_temperature_name(own) for own in self.conditions.temperature])
+        return np.array([f"{own:g}K" for own in self.conditions.temperature])
 
     def _rows(self, kept: IntArray) -> Self:
-        return replace(
-            self,
-            conditions=self.conditions.ordered(kept),
-            readings=self.readings.ordered(kept),
-        )
+        conditions, readings = self.conditions.ordered(kept), self.readings.ordered(kept)
+        return replace(self, conditions=conditions, readings=readings)
 
     @property
     def position(self) -> FloatArray:
         """Places of the readings: spectra of attenuation, then of modulus."""
-        place = self.conditions.place
-        return np.concatenate(
-            [
-                place[: self.readings.tan_delta.size],
-                place[: self.readings.modulus.size] + self.conditions.n_spectra,
-            ]
-        )
+        place, n_attenuations = self.conditions.place, self.readings.tan_delta.size
+        of_moduli = place[: self.readings.modulus.size] + self.conditions.n_spectra
+        return np.concatenate([place[:n_attenuations], of_moduli])
 
     @property
     def span(self) -> tuple[float, float]:
@@ -262,14 +252,13 @@ class AttenuationExperiment(Experiment):
     @property
     def doubts(self) -> tuple[str, ...]:
         """Say where tan(delta) and the elastic constants are those of no solid."""
-        found = []
-        largest = float(self.readings.tan_delta.max(initial=0.0))
+        found, readings = [], self.readings
+        largest = float(readings.tan_delta.max(initial=0.0))
         if largest > LARGEST_TAN_DELTA:
             found.append(
                 f"a tan delta of {largest:g} is unlikely; check the form and the unit of the "
                 "column."
             )
-        readings = self.readings
         sure = np.maximum(readings.limit, SURE_ERRORS * readings.tan_delta_error)
         if n_negative := int(np.sum(readings.tan_delta < -sure)):
             found.append(
@@ -277,7 +266,7 @@ class AttenuationExperiment(Experiment):
                 f"to {readings.tan_delta.min():.3g}, and count as upper limits; check the sign of "
                 "the phase."
             )
-        bulk, shear = self.elasticity.bulk_modulus, float(self.readings.modulus.max(initial=0.0))
+        bulk, shear = self.elasticity.bulk_modulus, float(readings.modulus.max(initial=0.0))
         if bulk is not None and bulk < LEAST_BULK_MODULUS:
             found.append(f"a bulk modulus of {bulk:g} Pa is unlikely; 130 GPa is 130e9.")
         elif bulk is not None and 3 * bulk < 2 * shear:
@@ -291,10 +280,9 @@ class AttenuationExperiment(Experiment):
     @property
     def title(self) -> str:
         """Sample, material and kind of data; below them temperatures and periods."""
-        period, temperature = self.conditions.period, self.conditions.temperature
         return (
             f"{self.id}: {self.material}, {self.provenance.kind} data\n"
-            f"{range_text(temperature)} K, periods {range_text(period)} s, "
+            f"{self.temperature_text}, periods {range_text(self.conditions.period)} s, "
             f"{self.elasticity.deformation} cycles"
         )
 
@@ -336,7 +324,3 @@ class AttenuationExperiment(Experiment):
 def range_text(numbers: FloatArray, digits: int = 6) -> str:
     """Return the least and the largest number, or the only one that so many digits tell."""
     return span_text((numbers.min(), numbers.max()), digits)
-
-
-def _temperature_name(temperature: float) -> str:
-    return f"{temperature:g}K"

@@ -21,9 +21,9 @@ from pyburgers.kinds.attenuation.table import (
     Form,
     Readings,
     SpectrumTable,
+    check_sign,
     check_table,
     conditions_of,
-    loss_of,
     tan_delta_of,
 )
 from pyburgers.kinds.experiment import CONDITION_KEYS
@@ -151,14 +151,11 @@ def _table(path: Path, file: AttenuationFile) -> tuple[CycleConditions, Readings
             f"{path}: found {found} of the tables [data] and [[spectra]], expected one: spectra "
             "are listed where nothing was measured."
         )
-    if file.data is None:
-        common = (
-            file.temperature_K,
-            file.attenuation.median_stress_Pa,
-            file.attenuation.amplitude_Pa,
-        )
-        return conditions_of(file.spectra, *common, where=f"{path}: [[spectra]]"), NO_READINGS, ()
-    return _measured(path, file, file.data)
+    if file.data is not None:
+        return _measured(path, file, file.data)
+    stresses = file.attenuation.median_stress_Pa, file.attenuation.amplitude_Pa
+    where = f"{path}: [[spectra]]"
+    return conditions_of(file.spectra, file.temperature_K, *stresses, where=where), NO_READINGS, ()
 
 
 def _measured(
@@ -167,8 +164,7 @@ def _measured(
     """Read and check the rows, in the order of the data file; return notes on it with them."""
     source = data.source(path)
     periods = _one_of(path, data, "period_column", "frequency_column")
-    columns = _columns(path, data, periods)
-    found, notes = read_columns(path, data, columns)
+    found, notes = read_columns(path, data, _columns(path, data))
     if data.least_temperature is not None:
         found = _from_temperature(path, data, found, data.least_temperature)
     order = found[periods]
@@ -177,9 +173,7 @@ def _measured(
         period = order if periods == "period_column" else 1 / order
     conditions = CycleConditions(
         period=period,
-        temperature=found["temperature_column"]
-        if "temperature_column" in found
-        else np.full(n_rows, file.temperature_K),
+        temperature=found.get("temperature_column", np.full(n_rows, file.temperature_K)),
         median_stress=_stress(path, file.attenuation, data, found, "median_stress", n_rows),
         amplitude=_stress(path, file.attenuation, data, found, "amplitude", n_rows),
     )
@@ -206,13 +200,12 @@ def _one_of(path: Path, data: _DataTable, first: str, second: str) -> str:
     return given[0]
 
 
-def _columns(path: Path, data: _DataTable, periods: str) -> dict[str, tuple[str, str] | None]:
+def _columns(path: Path, data: _DataTable) -> dict[str, tuple[str, str] | None]:
     """Return the columns to read, with the keys of their units."""
     _check_forms(path, data)
     units: dict[str, tuple[str, str] | None] = {
-        periods: ("period_unit", "time")
-        if periods == "period_column"
-        else ("frequency_unit", "frequency"),
+        "period_column": ("period_unit", "time"),
+        "frequency_column": ("frequency_unit", "frequency"),
         "temperature_column": ("temperature_unit", "temperature"),
         "median_stress_column": ("stress_unit", "stress"),
         "amplitude_column": ("stress_unit", "stress"),
@@ -269,10 +262,8 @@ def _from_temperature(
         raise InputError(
             f"{path}: key 'least_temperature' in [data] needs the key 'temperature_column'."
         )
-    unit, temperature = (
-        UNIT_TABLE["temperature"][data.temperature_unit],
-        found["temperature_column"],
-    )
+    unit = UNIT_TABLE["temperature"][data.temperature_unit]
+    temperature = found["temperature_column"]
     kept = temperature >= unit.zero + unit.factor * least
     if not kept.any():
         highest = (temperature.max() - unit.zero) / unit.factor
@@ -331,7 +322,8 @@ def _readings(
     has_limit = data.limit is not None or "limit_column" in found
     storage = found.get("storage_modulus_column")
     if storage is not None and "loss_modulus_column" in found:
-        loss = loss_of(storage, found["loss_modulus_column"], source)
+        check_sign(storage > 0, storage, source, "storage modulus", "a positive number")
+        loss = found["loss_modulus_column"] / storage
     else:
         loss = tan_delta(found["attenuation_column"])
     loss_error = every("attenuation_uncertainty", factor("attenuation_unit", "angle"))
@@ -353,13 +345,10 @@ def _readings(
 def _elasticity(path: Path, table: _AttenuationTable) -> Elasticity:
     """Check and return how shear and axial quantities are related."""
     given = [key for key in ("poisson_ratio", "bulk_modulus_Pa") if getattr(table, key) is not None]
-    wanted = 1 if table.deformation == "shear" else 0
-    if len(given) != wanted:
-        expected = (
-            "exactly one of the keys 'poisson_ratio' and 'bulk_modulus_Pa'"
-            if wanted
-            else "none: they turn axial quantities into those of shear"
-        )
+    expected = "none: they turn axial quantities into those of shear"
+    if table.deformation == "shear":
+        expected = "exactly one of the keys 'poisson_ratio' and 'bulk_modulus_Pa'"
+    if len(given) != (table.deformation == "shear"):
         raise InputError(
             f"{path}: key 'deformation' in [attenuation] is {table.deformation!r}, found "
             f"{' and '.join(given) or 'neither elastic constant'}, expected {expected}."
@@ -384,8 +373,7 @@ def _notices(conditions: CycleConditions, readings: Readings, elasticity: Elasti
             "In torsion of a solid cylinder the stress grows from the axis: if n is above 1, state "
             "about 0.8 of the amplitude at the outer radius."
         )
-    n_limits = int(readings.is_limit.sum())
-    if n_limits:
+    if n_limits := int(readings.is_limit.sum()):
         notices.append(
             f"{n_limits} of {conditions.n_rows} attenuations are upper limits, not values."
         )

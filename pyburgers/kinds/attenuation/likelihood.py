@@ -1,6 +1,6 @@
 """How tables of attenuation are sampled, and their stretched coordinates near the mode."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -9,9 +9,9 @@ import numpy as np
 from pyburgers.common.array_types import BoolArray, FloatArray, IntArray
 from pyburgers.common.errors import InputError
 from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
-from pyburgers.kinds.attenuation.table import ATTENUATION, MODULUS, CycleConditions
+from pyburgers.kinds.attenuation.table import ATTENUATION, MODULUS, CycleConditions, Readings
 from pyburgers.kinds.likelihood import AtMode, Chart, ChartUnsuited, Likelihood, grid_quantities
-from pyburgers.kinds.stan_data import CHART, Layout, StanData, ends
+from pyburgers.kinds.stan_data import CHART, Layout, StanData, ends, joined
 from pyburgers.model.hardening import check_median_stress
 from pyburgers.model.parameters import STRESS_EXPONENTS
 from pyburgers.model.prior_families import is_fixed_at
@@ -205,17 +205,18 @@ NO_NODES = np.empty((0, 2))
 NO_CONVERSION = (1.0, 0.0, 1.0)
 """Of a test that is no table, where it has no effect (`Elasticity.conversion`)."""
 
-OF_READINGS = ("reading", "quantity_of_point", "stated_error", "is_limit", "log_limit")
-
-
-OF_GRID = (
-    "grid_frequency",
-    "grid_temperature",
-    "grid_regime",
-    "grid_quantity",
-    "grid_stated_error",
+OF_ROWS = ("frequency", "row_temperature", "regime", "median_stress", "amplitude")
+OF_READINGS = (
+    *("reading", "quantity_of_point", "stated_error", "is_limit", "log_limit"),
+    "log_reading_observed",
 )
-"""Entries of the data that have a number for every reading, and for every one on the grid."""
+NO_TABLE: StanData = dict.fromkeys((*OF_ROWS, *OF_READINGS), ())
+"""Entries of a test that is no table: of rows and of stresses that they share, and of readings."""
+
+
+OF_GRID = ("grid_frequency", "grid_temperature", "grid_regime", "grid_quantity")
+NO_GRID: StanData = dict.fromkeys((*OF_GRID, "grid_stated_error"), ())
+"""Entries of its grid."""
 
 
 NO_LIMIT = -1e3
@@ -267,26 +268,12 @@ class AttenuationLikelihood(Likelihood[AttenuationExperiment]):
         self, experiments: Sequence[AttenuationExperiment | None], grids: Sequence[FloatArray]
     ) -> StanData:
         """Return the readings that are reported apart from the observed; None: no table."""
-        found: dict[str, list[float] | list[int]] = {name: [] for name in OF_GRID}
-        sizes = []
-        for experiment, grid in zip(experiments, grids, strict=True):
-            sizes.append(0 if experiment is None else grid.size)
-            if experiment is None:
-                continue
-            conditions = experiment.conditions
-            period, spectrum, quantity = conditions.at(grid)
-            row = conditions.first_rows[spectrum]
-            typical = [_typical_error(experiment, k) for k in (0, 1)]
-            own = (
-                2 * np.pi / period,
-                conditions.temperature[row],
-                _regimes(conditions)[1][row] + 1,
-                quantity + 1,
-                np.array(typical)[quantity],
-            )
-            for name, values in zip(OF_GRID, own, strict=True):
-                found[name] += values.tolist()
-        return {"reading_grid_end": ends(sizes), **found}
+        entries = [
+            NO_GRID if experiment is None else _grid_entries(experiment, grid)
+            for experiment, grid in zip(experiments, grids, strict=True)
+        ]
+        sizes = (len(own["grid_frequency"]) for own in entries)
+        return {"reading_grid_end": ends(sizes), **joined(entries)}
 
     def check_priors(self, experiment: AttenuationExperiment, priors: PriorSet) -> None:
         """Refuse readings without errors, and dashpots that need other stresses than are stated."""
@@ -375,39 +362,23 @@ def stress_nodes(median_stress: float, amplitude: float) -> FloatArray:
 
 def tables_block(tests: Sequence[AttenuationExperiment | None]) -> StanData:
     """Return the block `stan/data/attenuation.stan` without its grid; None: the test is none."""
-    tables = [test for test in tests if test is not None]
-    regimes = [_regimes(e.conditions) for e in tables]
-    stresses = [
-        e.elasticity.stress_factor * own for e, (own, _) in zip(tables, regimes, strict=True)
-    ]
+    entries = [NO_TABLE if test is None else _entries(test) for test in tests]
+    block = joined(entries)
     nodes = [
         stress_nodes(median, amplitude) if amplitude > 0 else NO_NODES
-        for own in stresses
-        for median, amplitude in own
+        for median, amplitude in zip(block["median_stress"], block["amplitude"], strict=True)
     ]
-    regime_counts = iter([len(own) for own in stresses])
-    points = [_points(e) for e in tables]
     return {
-        "row_end": ends(0 if e is None else e.conditions.n_rows for e in tests),
-        "frequency": _joined(2 * np.pi / e.conditions.period for e in tables),
-        "row_temperature": _joined(e.conditions.temperature for e in tables),
-        "regime_end": ends(0 if e is None else next(regime_counts) for e in tests),
-        "median_stress": _joined(own[:, 0] for own in stresses),
-        "amplitude": _joined(own[:, 1] for own in stresses),
-        "node_end": ends(len(own) for own in nodes),
+        **block,
+        "row_end": ends(len(own["frequency"]) for own in entries),
+        "regime_end": ends(len(own["amplitude"]) for own in entries),
+        "reading_end": ends(len(own["reading"]) for own in entries),
+        "node_end": ends(map(len, nodes)),
         "node": np.concatenate([NO_NODES, *nodes]).tolist(),
-        "regime": [int(k) + 1 for _, of_rows in regimes for k in of_rows],
         "conversion": [
             list(NO_CONVERSION if e is None else e.elasticity.conversion) for e in tests
         ],
-        "reading_end": ends(0 if e is None else e.n_points for e in tests),
-        **{name: [one for own in points for one in own[name]] for name in OF_READINGS},
-        "log_reading_observed": _joined(e.response for e in tables),
     }
-
-
-def _joined(parts: Iterable[FloatArray]) -> list[float]:
-    return [float(one) for part in parts for one in part]
 
 
 def _regimes(conditions: CycleConditions) -> tuple[FloatArray, IntArray]:
@@ -417,34 +388,48 @@ def _regimes(conditions: CycleConditions) -> tuple[FloatArray, IntArray]:
     return found, np.asarray(places).ravel()
 
 
-def _points(experiment: AttenuationExperiment) -> dict[str, list[int] | list[float]]:
-    """Entries of every reading: attenuations, then moduli."""
-    readings, n_rows = experiment.readings, experiment.conditions.n_rows
+def _entries(test: AttenuationExperiment) -> StanData:
+    """Return what a table adds to lists of the data; its attenuations stand before its moduli."""
+    conditions, readings = test.conditions, test.readings
+    stresses, regime = _regimes(conditions)
+    stresses = test.elasticity.stress_factor * stresses
     attenuations, moduli = readings.tan_delta.size, readings.modulus.size
-    no_limit = np.full(moduli, NO_LIMIT)
+    n_rows, no_limit = conditions.n_rows, np.full(moduli, NO_LIMIT)
     with np.errstate(divide="ignore"):  # no limit
         log_limit = np.maximum(np.log(readings.limit), NO_LIMIT)
     return {
+        "frequency": (2 * np.pi / conditions.period).tolist(),
+        "row_temperature": conditions.temperature.tolist(),
+        "regime": (regime + 1).tolist(),
+        "median_stress": stresses[:, 0].tolist(),
+        "amplitude": stresses[:, 1].tolist(),
         "reading": [*range(1, attenuations + 1), *range(n_rows + 1, n_rows + moduli + 1)],
-        "quantity_of_point": [*[1] * attenuations, *[2] * moduli],
-        "stated_error": [
-            *readings.tan_delta_error.tolist(),
-            *(readings.modulus_error / readings.modulus).tolist(),
-        ],
+        "quantity_of_point": (test.quantity + 1).tolist(),
+        "stated_error": np.concatenate(_errors(readings)).tolist(),
         "is_limit": [*readings.is_limit.astype(int).tolist(), *[0] * moduli],
         "log_limit": np.concatenate([log_limit, no_limit]).tolist(),
+        "log_reading_observed": test.response.tolist(),
     }
 
 
-def _typical_error(experiment: AttenuationExperiment, quantity: int) -> float:
-    """Median of the stated errors of tan delta, or of ln(modulus)."""
-    readings = experiment.readings
-    errors = (
-        readings.tan_delta_error
-        if quantity == ATTENUATION
-        else readings.modulus_error / readings.modulus
-    )
-    return max(float(np.median(errors)), NO_ERROR) if errors.size else NO_ERROR
+def _grid_entries(test: AttenuationExperiment, grid: FloatArray) -> StanData:
+    """Return what a table adds to lists of the grid; errors are medians of the stated ones."""
+    conditions, errors = test.conditions, _errors(test.readings)
+    period, spectrum, quantity = conditions.at(grid)
+    row = conditions.first_rows[spectrum]
+    typical = [max(float(np.median(one)) if one.size else 0.0, NO_ERROR) for one in errors]
+    return {
+        "grid_frequency": (2 * np.pi / period).tolist(),
+        "grid_temperature": conditions.temperature[row].tolist(),
+        "grid_regime": (_regimes(conditions)[1][row] + 1).tolist(),
+        "grid_quantity": (quantity + 1).tolist(),
+        "grid_stated_error": np.array(typical)[quantity].tolist(),
+    }
+
+
+def _errors(readings: Readings) -> tuple[FloatArray, FloatArray]:
+    """Return the stated errors of tan delta, and those of ln(modulus)."""
+    return readings.tan_delta_error, readings.modulus_error / readings.modulus
 
 
 LIKELIHOOD = AttenuationLikelihood()

@@ -165,34 +165,27 @@ def check_table(
     order_name: str,
     advice: str = "",
 ) -> None:
-    """Check rows of a table; `order` (n_rows,) is what has to increase along each spectrum.
-
-    `advice`: on rows that are there twice.
-    """
-    positive: Sequence[tuple[str, FloatArray]] = (
-        ("period or frequency", conditions.period),
-        ("temperature", conditions.temperature),
-        ("modulus", readings.modulus),
-    )
-    not_negative: Sequence[tuple[str, FloatArray]] = (
-        ("median stress", conditions.median_stress),
-        ("amplitude", conditions.amplitude),
-        ("uncertainty of the attenuation", readings.tan_delta_error),
-        ("limit of the attenuation", readings.limit),
-        ("uncertainty of the modulus", readings.modulus_error),
-    )
-    for name, values in positive:
+    """Check rows of a table; `order` (n_rows,) increases in spectra, `advice` is on equal rows."""
+    positive = {
+        "period or frequency": conditions.period,
+        "temperature": conditions.temperature,
+        "modulus": readings.modulus,
+    }
+    not_negative = {
+        "median stress": conditions.median_stress,
+        "amplitude": conditions.amplitude,
+        "uncertainty of the attenuation": readings.tan_delta_error,
+        "limit of the attenuation": readings.limit,
+        "uncertainty of the modulus": readings.modulus_error,
+    }
+    for name, values in positive.items():
         check_sign(values > 0, values, where, name, "a positive number")
-    for name, values in not_negative:
+    for name, values in not_negative.items():
         check_sign(values >= 0, values, where, name, "a number of at least 0")
     readable = (readings.tan_delta > 0) | readings.is_limit
-    check_sign(
-        readable,
-        readings.tan_delta,
-        where,
-        "attenuation",
-        "a positive number, or a 'limit' at or below which it is only known to be at most that",
-    )
+    or_limit = "or a 'limit' at or below which it is only known to be at most that"
+    expected = f"a positive number, {or_limit}"
+    check_sign(readable, readings.tan_delta, where, "attenuation", expected)
     rows = conditions.rows_in_order
     ordered = conditions.ordered(rows)
     twice = np.flatnonzero((np.diff(ordered.spectrum) == 0) & (np.diff(ordered.period) <= 0))
@@ -234,12 +227,6 @@ def tan_delta_of(form: Form, values: FloatArray, radian: float, where: str) -> F
             "less than 90; check 'attenuation_unit'."
         )
     return np.asarray(np.tan(angle))
-
-
-def loss_of(storage: FloatArray, loss: FloatArray, source: str) -> FloatArray:
-    """Return tan(delta) of a storage and a loss modulus in one unit, shape (n_rows,)."""
-    check_sign(storage > 0, storage, source, "storage modulus", "a positive number")
-    return loss / storage
 
 
 class SpectrumTable(Table):

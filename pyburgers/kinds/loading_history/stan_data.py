@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from itertools import chain, product
+from itertools import product
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from pyburgers.kinds.experiment_file import PATH_STRAIN_ROUNDING
 from pyburgers.kinds.likelihood import measured_block, strains_of
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.stages import Leg
-from pyburgers.kinds.stan_data import StanData, ends
+from pyburgers.kinds.stan_data import StanData, ends, joined
 from pyburgers.model.arrhenius import GAS_CONSTANT, log_slowdown
 from pyburgers.model.kelvin_elements import element_rows
 from pyburgers.model.laws import RELAXATION_TIMES
@@ -61,7 +61,7 @@ def tests_block(experiments: Sequence[HistoryOrTable], priors: Sequence[PriorSet
     measured = [e.microstructure for e in experiments]
     histories, tables = _by_kind(experiments)
     return {
-        **_joined(entries),
+        **joined(entries),
         "leg_end": ends(len(own["leg"]) for own in entries),
         "output_end": ends(len(own["output_time_in_leg"]) for own in entries),
         "measured_end": ends(map(len, measured)),
@@ -90,7 +90,7 @@ def grid_block(experiments: Sequence[HistoryOrTable], grids: Sequence[FloatArray
     """Return times (s), or places in tables, at which solutions are reported beside readings."""
     entries = [_grid_entries(e, grid) for e, grid in zip(experiments, grids, strict=True)]
     return {
-        **_joined(entries),
+        **joined(entries),
         "grid_end": ends(len(own["grid_position"]) for own in entries),
         **TABLES.grid_block(_by_kind(experiments)[1], grids),
     }
@@ -104,11 +104,6 @@ def _by_kind(
         [one if isinstance(one, HistoryExperiment) else None for one in experiments],
         [one if isinstance(one, AttenuationExperiment) else None for one in experiments],
     )
-
-
-def _joined(entries: Sequence[StanData]) -> StanData:
-    """Return lists of all tests, one behind the other."""
-    return {name: list(chain.from_iterable(own[name] for own in entries)) for name in entries[0]}
 
 
 def _entries(test: HistoryOrTable, priors: PriorSet) -> StanData:

@@ -350,10 +350,7 @@ def beyond_sentences(
 def longer_history(
     experiment: Experiment, fitted: Sequence[Experiment], passed: Sequence[Ranges]
 ) -> tuple[str, ...]:
-    """Say whether a history lasts longer than all fitted tests, and all periods that they passed.
-
-    A table of cycles lasts as long as its longest period.
-    """
+    """Say whether a history lasts longer than all fitted tests and all periods of fitted tables."""
     periods = [one["period"][1] for one in passed if "period" in one]
     lasts, *others = (hours_of(one) * UNITS["time"]["h"] for one in (experiment, *fitted))
     longest = max([*others, *periods])

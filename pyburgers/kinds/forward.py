@@ -255,11 +255,7 @@ def _solved(
 def simulate_data(
     experiment: E, values: Mapping[str, float], rng: np.random.Generator, *, source: str
 ) -> E:
-    """Put the solution at given parameters (SI), with noise, in the place of what was observed.
-
-    The result is synthetic; its true parameters are the values, with what the test states beside
-    them.
-    """
+    """Return a synthetic test: the solution at parameters (SI), with noise, as its readings."""
     values, (positions, places) = with_stated(experiment, values), experiment.reading_places()
     solution, model = _solved(
         experiment, values, positions, REFERENCE_SOLVER, experiment.microstructure

@@ -75,10 +75,7 @@ class Chart(ABC, Generic[E]):
 
     @abstractmethod
     def reference(self, test: AtMode[E]) -> tuple[Any, FloatArray]:
-        """Return what sets the chart up at a test's mode, and the mode in it, (n_coordinates,).
-
-        Raise ChartUnsuited if priors or record do not suit.
-        """
+        """Return what sets the chart up at a mode, and the mode in it, or raise ChartUnsuited."""
 
     def rescaled(self, reference: Any, test: AtMode[E], covariance: FloatArray) -> Any:
         """Return the reference, set up further with the posterior's covariance in the chart."""

@@ -293,10 +293,7 @@ class NewFile(ABC):
         return {name: one for name, one in columns.items() if name in self.quantities}
 
     def propose_answers(self, columns: Columns, given: Mapping[str, Any]) -> Mapping[str, Any]:
-        """Return answers that the columns suggest, by the name of the question.
-
-        `given`: answers that are there already, None where there is none.
-        """
+        """Return answers that columns suggest, beside `given` ones (None: none), by question."""
         return {}
 
     def required_answers(self, columns: Columns, given: Mapping[str, Any]) -> Collection[str]:

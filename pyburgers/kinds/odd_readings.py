@@ -76,10 +76,7 @@ def opposed_stresses(stress: FloatArray, *, compressed: bool) -> list[str]:
 
 
 def order_text(clock: FloatArray) -> str:
-    """Say what rows whose clock goes back may be, to follow a sentence; empty if that is unknown.
-
-    The clock has the shape (n_rows,).
-    """
+    """Say what rows whose clock (n_rows,) goes back may be, to follow a sentence; else empty."""
     half, steps = clock.size // 2, np.diff(clock)
     if not (steps < 0).any():
         return ""

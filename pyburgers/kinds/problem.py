@@ -212,8 +212,7 @@ def problem_of(
     """Check tests, priors and pooling, and resolve the priors for each test.
 
     Tests of several protocols are taken as one program takes them. A prior that is a share of the
-    largest stress takes that of the test, or of all if the parameter is shared. Raise InputError if
-    tests, priors and pooling do not go together.
+    largest stress takes that of the test, or of all if the parameter is shared.
     """
     for experiment in experiments:
         _check_not_in_prior(experiment, priors)
@@ -265,11 +264,7 @@ def _with_own_grains(own: PriorSet, first: Experiment, experiment: Experiment) -
 
 
 def of_one_program(experiments: Sequence[Experiment]) -> tuple[Experiment, ...]:
-    """Return tests as they are, or as one program takes them where their protocols differ.
-
-    Tables stand behind the histories: those know what a curve fixes. Raise InputError if a protocol
-    does not go with others.
-    """
+    """Return tests as one program takes them: tables behind histories, which know curves."""
     if len({experiment.protocol for experiment in experiments}) == 1:
         return tuple(experiments)
     taken = [likelihood_of(experiment).as_history(experiment) for experiment in experiments]
@@ -328,15 +323,7 @@ def _check_test(experiment: Experiment, first: Experiment, priors: PriorSet) -> 
 
 
 def _check_conditions(experiments: Sequence[Experiment]) -> None:
-    """Refuse conditions that a test cannot have, or lacks, and two errors of one apparatus."""
-    for experiment in experiments:
-        for one in experiment.uncertain:
-            if one.parameter not in experiment.may_be_uncertain:
-                raise InputError(
-                    f"{experiment.id}: key {CONDITION_KEYS[one.parameter][0]!r}: found {one.sd:g}, "
-                    f"expected none because tests of the protocol {experiment.protocol} take it as "
-                    "known."
-                )
+    """Refuse conditions that a test lacks, and two errors of one apparatus."""
     for name, (sd_key, apparatus_key) in CONDITION_KEYS.items():
         stated = {
             test.id: one for test in experiments for one in test.uncertain if one.parameter == name

@@ -54,10 +54,7 @@ def priors_for(
 
 
 def default_priors_for(experiments: Sequence[Experiment]) -> PriorSet:
-    """Return the priors that come with the package for some tests of a material.
-
-    Raise InputError if there are none.
-    """
+    """Return the priors that come with the package for some tests of a material."""
     material = experiments[0].material
     if has_both(experiments) and material in shipped_prior_files(PRIORS_WITH_TABLES):
         return default_priors(material, PRIORS_WITH_TABLES)

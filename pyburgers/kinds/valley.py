@@ -177,10 +177,7 @@ class ValleyChart(Chart[E]):
 
     @abstractmethod
     def pins(self, test: AtMode[E]) -> Pins:
-        """Set the pins along the solution at the posterior mode.
-
-        Raise ChartUnsuited if the record does not fit the coordinates.
-        """
+        """Set the pins along the solution at the mode, or raise ChartUnsuited."""
 
     def reference(self, test: AtMode[E]) -> tuple[ValleyReference, FloatArray]:
         """Set the pins where priors suit; the mode lies at the origin."""
@@ -208,10 +205,7 @@ class ValleyChart(Chart[E]):
         return replace(reference, noise_exponent=exponents)
 
     def block(self, references: Sequence[ValleyReference | None], layout: Layout) -> StanData:
-        """Return the block `stan/data/valley.stan`.
-
-        No references keep the plain coordinates of all tests, None those of one.
-        """
+        """Return the block `stan/data/valley.stan`; None keeps the plain coordinates of a test."""
         # The width of a shared parameter follows the noise of no test.
         follows = [name not in layout.shared for name in layout.names]
         guides = [

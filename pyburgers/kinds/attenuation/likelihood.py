@@ -316,6 +316,7 @@ class AttenuationLikelihood(Likelihood[AttenuationExperiment]):
         period, spectrum, quantity = conditions.at(experiment.position)
         is_stated = stated.size > 0 and bool(np.all(stated > 0))
         typical = np.hypot(np.array(TYPICAL_SPREAD)[quantity], stated)
+        name, error = ("reading_error", stated) if is_stated else ("typical_error", typical)
         is_limit = experiment.response <= experiment.response_limit
         return {
             **super().along(experiment),
@@ -393,21 +394,19 @@ def _entries(test: AttenuationExperiment) -> StanData:
     conditions, readings = test.conditions, test.readings
     stresses, regime = _regimes(conditions)
     stresses = test.elasticity.stress_factor * stresses
-    attenuations, moduli = readings.tan_delta.size, readings.modulus.size
-    n_rows, no_limit = conditions.n_rows, np.full(moduli, NO_LIMIT)
-    with np.errstate(divide="ignore"):  # no limit
-        log_limit = np.maximum(np.log(readings.limit), NO_LIMIT)
+    of_attenuations = 1 + np.arange(readings.tan_delta.size)
+    of_moduli = 1 + conditions.n_rows + np.arange(readings.modulus.size)
     return {
         "frequency": (2 * np.pi / conditions.period).tolist(),
         "row_temperature": conditions.temperature.tolist(),
         "regime": (regime + 1).tolist(),
         "median_stress": stresses[:, 0].tolist(),
         "amplitude": stresses[:, 1].tolist(),
-        "reading": [*range(1, attenuations + 1), *range(n_rows + 1, n_rows + moduli + 1)],
+        "reading": [*of_attenuations.tolist(), *of_moduli.tolist()],
         "quantity_of_point": (test.quantity + 1).tolist(),
         "stated_error": np.concatenate(_errors(readings)).tolist(),
-        "is_limit": [*readings.is_limit.astype(int).tolist(), *[0] * moduli],
-        "log_limit": np.concatenate([log_limit, no_limit]).tolist(),
+        "is_limit": (test.response <= test.response_limit).astype(int).tolist(),
+        "log_limit": np.maximum(test.response_limit, NO_LIMIT).tolist(),
         "log_reading_observed": test.response.tolist(),
     }
 

@@ -182,11 +182,7 @@ class Curve:
 def join_curves(
     curves: Sequence[Curve], final_strain: float
 ) -> tuple[FloatArray, FloatArray, list[str]]:
-    """Return strain (fraction, not decreasing), stress (Pa), each (n_points,), and what was done.
-
-    Raise InputError if strain runs backwards or leaves its range by more than a reading error, or
-    no point lies above zero strain or has a stress.
-    """
+    """Return strain (fraction, not decreasing) and stress (Pa), (n_points,), and what was done."""
     tolerance = min(JITTER_STRAIN, JITTER_SHARE * final_strain)
     strains, stresses = [np.empty(0)], [np.empty(0)]
     notices: list[str] = []
@@ -229,10 +225,7 @@ def _dropped(name: str, at_rest: FloatArray, largest: float) -> list[str]:
 def unlike_rates(
     name: str, time: FloatArray, strain: FloatArray, imposed: FloatArray
 ) -> tuple[str, ...]:
-    """Say where strain over time (s), each (n_rows,), is not the one that the rates impose then.
-
-    Times that go back are told in its place.
-    """
+    """Say where times (s) go back, or strain is not the one that rates impose, each (n_rows,)."""
     back = np.flatnonzero(np.diff(time) < 0)
     if back.size:
         k = back[0]
@@ -298,8 +291,7 @@ def load_constant_rate(
 
     Strains misplaced by a reading error are put right, points at zero strain are dropped, and a
     long curve is thinned, each with a notice. Where files hold time alone, it counts from the
-    start, and strain follows from the rates. Raise InputError if a file, key, unit or number is not
-    what it has to be.
+    start, and strain follows from the rates.
     """
     file = read_toml(path, ConstantRateFile, tables)
     segments = tuple(RateSegment(s.start_strain, s.strain_rate_per_s) for s in file.segments)

@@ -207,10 +207,7 @@ class OscillationExperiment(Experiment):
         )
 
     def to_be_solved(self) -> Self:
-        """Return the test driven by its fitted strain, which is known, whatever its uncertainty.
-
-        Its record sets where it starts.
-        """
+        """Return the test driven by its fitted strain as known; the record sets where it starts."""
         known = replace(self.prepared, strain_error=self.prepared.strain_error[:0])
         return replace(self, prepared=known)
 

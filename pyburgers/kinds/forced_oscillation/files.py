@@ -101,10 +101,7 @@ class OscillationFile(ExperimentFile):
 def load_forced_oscillation(
     path: Path, tables: Mapping[str, Any] | None = None
 ) -> OscillationExperiment:
-    """Read and check the file of a forced oscillation, or its tables, and its data files.
-
-    Strain and stress have clocks of one origin. `prepare` chooses what [oscillation] leaves open.
-    """
+    """Read and check the file of a forced oscillation; `prepare` chooses what it leaves open."""
     file = read_toml(path, OscillationFile, tables)
     if file.data is None:
         return _imagined(path, file)

@@ -141,7 +141,7 @@ def fit_harmonics(
     """Fit harmonics and a polynomial to a series (n,), unit U, at times (s) by least squares.
 
     Standard deviations in `uncertainty` (n,) are absolute; without them the covariance follows from
-    the residuals. Raise InputError if readings are too few, or do not tell the coefficients apart.
+    the residuals.
     """
     weight = np.ones_like(value) if uncertainty is None else 1.0 / uncertainty
     design, solver = _least_squares(time, weight, period, degree, n_harmonics)
@@ -283,10 +283,7 @@ def _rough_frequency(time: FloatArray, value: FloatArray, lowest: float, highest
 
 
 def estimate_period(time: FloatArray, value: FloatArray, *, uncertainty: FloatArray) -> float:
-    """Estimate the period (s): least squares from the highest peak of the periodogram on.
-
-    Raise InputError if the readings are too few to hold a cycle.
-    """
+    """Estimate the period (s): least squares from the highest peak of the periodogram on."""
     length = float(time[-1] - time[0])
     if time.size <= CUBIC:
         raise InputError(

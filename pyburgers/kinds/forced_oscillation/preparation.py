@@ -181,11 +181,7 @@ class _Series:
 def prepare(
     record: OscillationRecord, settings: OscillationSettings, where: str
 ) -> PreparedOscillation:
-    """Prepare a record for the model.
-
-    A notice says which stresses are left out: those outside the strain record by half a reading.
-    Raise InputError if the record does not hold two common cycles, or cannot be fitted.
-    """
+    """Prepare a record, without stresses outside the strain record by more than half a reading."""
     strain = _checked("strain", record.strain_time, record.strain, record.strain_uncertainty, where)
     stress = _checked("stress", record.stress_time, record.stress, record.stress_uncertainty, where)
     if stress.time[0] > strain.time[-1] or strain.time[0] > stress.time[-1]:

@@ -197,10 +197,7 @@ def _reached(
 
 
 def rate_steps(times: FloatArray, strains: FloatArray) -> tuple[tuple[float, float], ...]:
-    """Return strains from which rates (1/s) are imposed, and those rates; none without steps.
-
-    `times`, `strains` (n,): readings; compression may be negative in them.
-    """
+    """Return strains from which rates (1/s) are imposed, and those rates; none without steps."""
     time, strain = looked_at(times, np.abs(strains))
     if time.size < 2:
         return ()
@@ -287,10 +284,7 @@ def thinning_told(kept: BoolArray) -> list[str]:
 def kept_readings(
     time: FloatArray, response: FloatArray, changes: FloatArray, n_kept: int
 ) -> IntArray:
-    """Return indices of at most `n_kept` readings, dense at `changes` (s) and in moves.
-
-    The first and the last are among them.
-    """
+    """Return at most `n_kept` indices, with both ends, dense at `changes` (s) and in moves."""
     if time.size <= n_kept:
         return np.arange(time.size)
     measure = np.mean(

@@ -126,11 +126,7 @@ class LoadingHistoryFile(ExperimentFile):
 
 
 def load_loading_history(path: Path, tables: Mapping[str, Any] | None = None) -> HistoryExperiment:
-    """Read and check the file of a loading history, or its tables, and its data file.
-
-    Time counts from the start of the first stage. A notice says what is turned, smoothed, left out
-    or thinned. Raise InputError if a file, key, unit or number is not what it has to be.
-    """
+    """Read and check the file of a loading history; time counts from the start of its stages."""
     file = read_toml(path, LoadingHistoryFile, tables)
     values, (test, offset) = all_of(lambda: shared_values(path, file), lambda: _test(path, file))
     stages, changes = read_stages(test, file.stages)
@@ -241,10 +237,7 @@ def _uncertainty(
     quantity: Literal["stress", "strain"],
     strain: FloatArray,
 ) -> float | None:
-    """Return the stated standard deviation of a reading in SI, of a true one at median length.
-
-    `strain`: true, of the sample, (n_rows,).
-    """
+    """Return the stated standard deviation of a true reading (SI), at the median true strain."""
     data = file.data
     if data is None:
         return None

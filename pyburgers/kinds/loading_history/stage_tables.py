@@ -131,10 +131,7 @@ def _check_jump(
     *,
     given: bool = False,
 ) -> None:
-    """Refuse a series that does not start at the strain where earlier stages end.
-
-    Of knots, `given`, only differences count: they may hold the zero of the readings or not.
-    """
+    """Refuse a series that jumps in strain; knots, `given`, may hold the zero of the readings."""
     zero, sd = source.first_strain
     start = strain_at_start(before, source.readings, zero, read_there=False)
     if start is None:

@@ -162,10 +162,7 @@ def _grid_entries(test: HistoryOrTable, grid: FloatArray) -> StanData:
 
 
 def section_times(experiment: HistoryExperiment, priors: PriorSet) -> list[float | None]:
-    """Return the time (s) at which each section needs a solution; None if its strain says all.
-
-    Raise InputError if grains follow the stress and nobody knows when a path strain is reached.
-    """
+    """Return the time (s) at which each section needs a solution; None if its strain says all."""
     if variant_of(priors, experiment).grain_size != "piezometric":
         return [one.time for one in experiment.microstructure]
     is_rigid = experiment.apparatus_compliance is None and (

@@ -323,9 +323,7 @@ class AttenuationLikelihood(Likelihood[AttenuationExperiment]):
             "period": (period, "s"),
             "temperature": (conditions.temperature[conditions.first_rows[spectrum]], "K"),
             "segment": (np.floor(experiment.position), "1"),
-            **(
-                {"reading_error": (stated, "1")} if is_stated else {"typical_error": (typical, "1")}
-            ),
+            name: (error, "1"),
             **({"is_limit": (is_limit.astype(np.float64), "1")} if is_limit.any() else {}),
         }
 

@@ -24,10 +24,6 @@ LABORATORY_STRESS = 1e7
 """Stress (Pa) at which the flow rate is told, where none was measured."""
 
 
-FABRIC_OF_OLIVINE = 1.0
-"""Oscillating tests have no fabric evolution (Eq. 5 of the paper)."""
-
-
 NO_RECORD = OscillationRecord(*[np.empty(0)] * 6)
 """Of a test that can only be simulated."""
 
@@ -175,10 +171,8 @@ class OscillationExperiment(Experiment):
             return np.empty(0)
         size = np.sqrt(np.sum(error**2, axis=0))
         used = size > 0
-        solved: FloatArray = np.linalg.lstsq(
-            (error[:, used] / size[used]).T, (wanted - found)[used] / size[used]
-        )[0]
-        return solved
+        scaled, sought = error[:, used] / size[used], (wanted - found)[used] / size[used]
+        return np.asarray(np.linalg.lstsq(scaled.T, sought)[0])
 
     @property
     def noises(self) -> Mapping[str, float | None]:
@@ -213,10 +207,8 @@ class OscillationExperiment(Experiment):
 
     def known_columns(self, at: FloatArray) -> Mapping[str, FloatArray]:
         """Return the strain, without its trend where that is removed, and the fabric."""
-        return {
-            "strain": self.prepared.strain(at),
-            "fabric_factor": np.full_like(at, FABRIC_OF_OLIVINE),
-        }
+        # Oscillating tests have no fabric evolution (Eq. 5 of the paper).
+        return {"strain": self.prepared.strain(at), "fabric_factor": np.ones_like(at)}
 
     def with_noise(
         self, response: FloatArray, values: Mapping[str, float], rng: np.random.Generator

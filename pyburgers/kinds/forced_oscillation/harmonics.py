@@ -81,10 +81,8 @@ class HarmonicFit:
         """Time derivative (U/s) of the oscillating part, shape (n,)."""
         angles = _angles(time, self.period, self.n_harmonics)
         factors = self.angular_frequency * np.arange(1, self.n_harmonics + 1)
-        values: FloatArray = np.cos(angles) @ (factors * self.sine) - np.sin(angles) @ (
-            factors * self.cosine
-        )
-        return values
+        sine, cosine = factors * self.sine, factors * self.cosine
+        return np.asarray(np.cos(angles) @ sine - np.sin(angles) @ cosine)
 
     def trend(self, time: FloatArray) -> FloatArray:
         """Polynomial part (U), its constant included, shape (n,)."""
@@ -160,9 +158,7 @@ def fit_harmonics(
         coefficients=coefficients,
         covariance=scale * (solver / weight**2) @ solver.T,
         residual_sd=residual_sd,
-        chi_square=(
-            float(freedom) if uncertainty is None else float(np.sum((residual * weight) ** 2))
-        ),
+        chi_square=float(freedom if uncertainty is None else np.sum((residual * weight) ** 2)),
         n_points=time.size,
     )
 
@@ -178,10 +174,8 @@ def fundamentals(
     """Return sine plus i times cosine of the fundamental of many series (..., n), shape (...)."""
     weight = np.ones_like(time) if uncertainty is None else 1.0 / uncertainty
     _, solver = _least_squares(time, weight, period, degree, N_HARMONICS)
-    found: npt.NDArray[np.complex128] = series @ (
-        solver[degree + 1] + 1j * solver[degree + 1 + N_HARMONICS]
-    )
-    return found
+    sine, cosine = solver[degree + 1], solver[degree + 1 + N_HARMONICS]
+    return np.asarray(series @ (sine + 1j * cosine))
 
 
 def trend_projection(
@@ -229,11 +223,7 @@ def _least_squares(
 
 
 def choose_degree(
-    time: FloatArray,
-    value: FloatArray,
-    *,
-    period: float,
-    uncertainty: FloatArray,
+    time: FloatArray, value: FloatArray, *, period: float, uncertainty: FloatArray
 ) -> int:
     """Choose the degree of the trend, up to `MAX_DEGREE`, by the Bayesian information criterion.
 
@@ -243,13 +233,12 @@ def choose_degree(
     cycles = (time[-1] - time[0]) / period
     spare = time.size - 2 - 2 * N_HARMONICS
     largest = max(0, min(MAX_DEGREE, int(2.0 * cycles) - 1, spare))
-    fits = [
-        fit_harmonics(time, value, period=period, degree=degree, uncertainty=uncertainty)
-        for degree in range(largest + 1)
-    ]
-    return min(
-        fits, key=lambda fit: fit.chi_square + fit.coefficients.size * math.log(fit.n_points)
-    ).degree
+
+    def criterion(degree: int) -> float:
+        fit = fit_harmonics(time, value, period=period, degree=degree, uncertainty=uncertainty)
+        return fit.chi_square + fit.coefficients.size * math.log(time.size)
+
+    return min(range(largest + 1), key=criterion)
 
 
 def strongest_frequency(
@@ -302,11 +291,7 @@ def estimate_period(time: FloatArray, value: FloatArray, *, uncertainty: FloatAr
 
 
 def _refine(
-    time: FloatArray,
-    value: FloatArray,
-    frequency: float,
-    degree: int,
-    uncertainty: FloatArray,
+    time: FloatArray, value: FloatArray, frequency: float, degree: int, uncertainty: FloatArray
 ) -> float:
     """Least-squares frequency (Hz) within the peak of the periodogram around a first guess."""
     half_width = 0.5 / float(time[-1] - time[0])

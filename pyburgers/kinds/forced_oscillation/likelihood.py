@@ -24,7 +24,6 @@ from pyburgers.kinds.likelihood import (
     likelihood_of,
 )
 from pyburgers.kinds.stan_data import Layout, Mode, PlainCoordinates, StanData, ends
-from pyburgers.model.prior_families import Prior
 from pyburgers.model.priors import PriorSet
 from pyburgers.model.read_quantities import STRESS, Quantity
 from pyburgers.model.reference_quantities import REFERENCE_FLOW_RATE_QUANTITY
@@ -118,7 +117,8 @@ class ShearedChart(Chart[OscillationExperiment]):
         beta = priors["beta"]
         if replaced == "activation_enthalpy" and not beta.is_fixed:
             for prior in (beta, priors[replaced]):
-                if not _is_unbounded_normal(prior):
+                is_bounded = np.isfinite([prior.lower, prior.upper]).any()
+                if prior.family != "normal" or is_bounded:
                     raise ChartUnsuited(
                         f"the prior of {prior.parameter} is not an unbounded normal"
                     )
@@ -225,10 +225,6 @@ def _flow_slope(
     )
 
 
-def _is_unbounded_normal(prior: Prior) -> bool:
-    return prior.family == "normal" and bool(np.isinf([prior.lower, prior.upper]).all())
-
-
 def _derivative(coordinates: PlainCoordinates, name: str, mode: Mode) -> float:
     """Return the derivative of a parameter by its plain coordinate at the mode."""
     k = coordinates.parameters.index(name)
@@ -284,53 +280,29 @@ class OscillationLikelihood(Likelihood[OscillationExperiment]):
     ) -> StanData:
         """Return the block `stan/data/forced_oscillation.stan`, with records of `sheared.stan`."""
         records = [_record(experiment) for experiment in experiments]
-        n_background = max(record["background"].size for record in records)
-        n_trend = max(record["trend_shape"].shape[1] for record in records)
+        entries = {name: [record[name] for record in records] for name in records[0]}
         return {
-            **{
-                name: [record[name] for record in records]
-                for name in records[0]
-                if np.isscalar(records[0][name])
-            },
             "n_harmonics": N_HARMONICS,
-            "strain_sine": [record["strain_sine"].tolist() for record in records],
-            "strain_cosine": [record["strain_cosine"].tolist() for record in records],
-            "n_background": n_background,
-            "background": _padded([record["background"] for record in records], n_background),
-            "background_range": [record["background_range"] for record in records],
-            "error_end": ends(len(record["strain_error"]) for record in records),
-            "strain_error": _padded(
-                [row for record in records for row in record["strain_error"]],
-                2 * N_HARMONICS + n_background,
-            ),
-            "stress_observed": np.concatenate([e.stress for e in experiments]).tolist(),
-            "tau": np.concatenate([record["tau"] for record in records]).tolist(),
-            "relative_noise": np.concatenate(
-                [record["relative_noise"] for record in records]
-            ).tolist(),
-            "n_trend": [record["trend_shape"].shape[1] for record in records],
-            **{
-                name: _padded([row for record in records for row in record[name]], n_trend)
-                for name in ("trend_shape", "trend_fit")
-            },
+            "n_background": max(one.shape[1] for one in entries["background"]),
+            "error_end": ends(map(len, entries["strain_error"])),
+            "n_trend": [one.shape[1] for one in entries["trend_shape"]],
+            **{name: _of_all(values) for name, values in entries.items()},
         }
 
     def grid_block(
         self, experiments: Sequence[OscillationExperiment], grids: Sequence[FloatArray]
     ) -> StanData:
         """Return the times at which the solutions are reported apart from the observed ones."""
-        shapes = []
+        shapes, times = [], []
         for experiment, grid in zip(experiments, grids, strict=True):
             prepared = experiment.prepared
             shape = prepared.stress_fit.trend_shape(grid)
-            shapes.append(shape[:, : shape.shape[1] if prepared.background == "removed" else 0])
-        n_trend = max(shape.shape[1] for shape in shapes)
+            shapes.append(shape if prepared.background == "removed" else shape[:, :0])
+            times.append(grid / prepared.period)
         return {
             "grid_end": ends(grid.size for grid in grids),
-            "grid_tau": np.concatenate(
-                [grid / e.prepared.period for e, grid in zip(experiments, grids, strict=True)]
-            ).tolist(),
-            "grid_trend_shape": _padded([row for shape in shapes for row in shape], n_trend),
+            "grid_tau": _of_all(times),
+            "grid_trend_shape": _of_all(shapes),
         }
 
     def grid(self, experiment: OscillationExperiment, *, fine: bool = False) -> FloatArray:
@@ -355,13 +327,19 @@ class OscillationLikelihood(Likelihood[OscillationExperiment]):
         return super().reading_noise(experiment, values) * experiment.prepared.relative_uncertainty
 
 
-def _padded(rows: Sequence[FloatArray], size: int) -> list[list[float]]:
-    """Rows with zeros behind them."""
-    return [[*row.tolist(), *[0.0] * (size - row.size)] for row in rows]
+def _of_all(values: Sequence[Any]) -> list[Any]:
+    """Return an entry of all tests; arrays are joined, and their rows have zeros behind them."""
+    if not isinstance(values[0], np.ndarray):
+        return list(values)
+    if values[0].ndim > 1:
+        width = max(one.shape[1] for one in values)
+        values = [np.pad(one, ((0, 0), (0, width - one.shape[1]))) for one in values]
+    joined: list[Any] = np.concatenate(values).tolist()
+    return joined
 
 
 def _record(experiment: OscillationExperiment) -> dict[str, Any]:
-    """Entries of the blocks for one test; arrays differ in size between tests."""
+    """Entries of the blocks for one test; those that differ in size between tests are arrays."""
     prepared = experiment.prepared
     strain, period = prepared.strain_fit, prepared.period
     kept = prepared.background == "kept"
@@ -371,26 +349,30 @@ def _record(experiment: OscillationExperiment) -> dict[str, Any]:
     # first reading, whatever the rounding, is the last one: spin-up cycles are counted from there.
     phase = float(np.arctan2(cosine, sine)) / (2 * np.pi)
     last_zero = float(np.floor(prepared.start / period + START_MARGIN + phase))
-    trend_shape = trend_fit = np.empty((prepared.time.size, 0))
-    if not kept:
-        trend_shape, trend_fit = trend_projection(
-            prepared.time, degree=prepared.stress_fit.degree, uncertainty=prepared.uncertainty
-        )
-        trend_fit = trend_fit.T
+    trend_shape = np.empty((prepared.time.size, 0))
+    trend_fit = trend_shape.T
     bias = float(prepared.stress_fit.trend(np.array([prepared.start]))[0])
     amplitude = float(prepared.stress_fit.amplitude()[0])
     lag = prepared.stress_fit.phase()[0] - strain.phase()[0]
     compliance = float(np.hypot(sine, cosine)) / amplitude
     harmonics_error, background_error = np.split(prepared.strain_error, [2 * N_HARMONICS], axis=1)
+    background = prepared.background_rate * period
+    background_error = background_error * period
+    if not kept:
+        background, background_error = background[:0], background_error[:, :0]
+        degree, uncertainty = prepared.stress_fit.degree, prepared.uncertainty
+        trend_shape, trend_fit = trend_projection(
+            prepared.time, degree=degree, uncertainty=uncertainty
+        )
+    time = _path_times(experiment)
+    path_strain = float(trapezoid(np.abs(prepared.strain_rate(time)), time))
     return {
         "period": period,
-        "strain_sine": strain.sine,
-        "strain_cosine": strain.cosine,
-        "background": prepared.background_rate * period if kept else np.empty(0),
+        "strain_sine": strain.sine.tolist(),
+        "strain_cosine": strain.cosine.tolist(),
+        "background": background[np.newaxis],
         "background_range": [strain.t_middle / period, strain.t_half / period],
-        "strain_error": np.hstack(
-            [harmonics_error, background_error * period if kept else background_error[:, :0]]
-        ),
+        "strain_error": np.hstack([harmonics_error, background_error]),
         "start_tau": last_zero - phase - experiment.spin_up_cycles,
         "start_stress": prepared.start_stress,
         "first_tau": first_tau,
@@ -398,18 +380,13 @@ def _record(experiment: OscillationExperiment) -> dict[str, Any]:
         "strain_scale": float(np.hypot(sine, cosine)),
         "storage_compliance": compliance * float(np.cos(lag)),
         "loss_compliance": compliance * float(np.sin(lag)),
-        "typical_path_strain": 0.5 * _path_strain(experiment),
+        "typical_path_strain": 0.5 * path_strain,
+        "stress_observed": experiment.stress,
         "tau": prepared.time / period,
         "relative_noise": prepared.relative_uncertainty,
         "trend_shape": trend_shape,
-        "trend_fit": trend_fit,
+        "trend_fit": trend_fit.T,
     }
-
-
-def _path_strain(experiment: OscillationExperiment) -> float:
-    """Integral of the absolute strain rate over the record."""
-    time = _path_times(experiment)
-    return float(trapezoid(np.abs(experiment.prepared.strain_rate(time)), time))
 
 
 def _path_times(experiment: OscillationExperiment) -> FloatArray:

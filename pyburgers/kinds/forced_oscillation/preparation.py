@@ -197,7 +197,12 @@ def prepare(
         _check_period(where, series, period)
     margin = 0.5 * strain.spacing
     used = stress.within(strain.time[0] - margin, strain.time[-1] + margin)
-    _check_overlap(where, used, period)
+    cycles = used.length / period if used.time.size > 1 else 0.0
+    if cycles < MIN_CYCLES:
+        raise InputError(
+            f"{where}: strain and stress clocks overlap over {cycles:.2f} cycles of the period "
+            f"{period:g} s, expected at least {MIN_CYCLES}."
+        )
     strain_fit = _fit(where, strain, period, settings.strain_trend_degree)
     stress_fit = _fit(where, used, period, settings.stress_trend_degree)
     kept = settings.background == "kept"
@@ -207,13 +212,16 @@ def prepare(
             "removed, expected one only with the background kept."
         )
     start = float(min(strain.time[0], used.time[0]))
+    start_stress = settings.start_stress if kept else 0.0
+    if start_stress is None:
+        start_stress = float(stress_fit.trend(np.array([start]))[0])
     slope = _powers_of_rate(strain_fit.trend_coefficients, strain_fit.t_half)
     return PreparedOscillation(
         period=period,
         strain_fit=strain_fit,
         stress_fit=stress_fit,
         background=settings.background,
-        start_stress=_start_stress(settings, stress_fit, start),
+        start_stress=start_stress,
         start=start,
         time=used.time,
         stress=used.value if kept else used.value - stress_fit.trend(used.time),
@@ -221,7 +229,7 @@ def prepare(
         background_rate=slope if kept else np.zeros_like(slope),
         strain_error=_strain_error(strain_fit, stress_fit, kept=kept),
         notices=(
-            *_notices(stress.time.size - used.time.size, settings.background),
+            *_left_out(stress.time.size - used.time.size, settings.background),
             *_doubts(strain, strain_fit, stress_fit),
         ),
     )
@@ -275,16 +283,6 @@ def _check_period(where: str, series: _Series, period: float) -> None:
         )
 
 
-def _check_overlap(where: str, used: _Series, period: float) -> None:
-    """Check that enough stress readings have a strain."""
-    cycles = used.length / period if used.time.size > 1 else 0.0
-    if cycles < MIN_CYCLES:
-        raise InputError(
-            f"{where}: strain and stress clocks overlap over {cycles:.2f} cycles of the period "
-            f"{period:g} s, expected at least {MIN_CYCLES}."
-        )
-
-
 def _fit(where: str, series: _Series, period: float, degree: int | None) -> HarmonicFit:
     """Fit a series, with a trend of the given degree or of the one that suits."""
 
@@ -293,15 +291,6 @@ def _fit(where: str, series: _Series, period: float, degree: int | None) -> Harm
         return fit_harmonics(**series.data, period=period, degree=chosen)
 
     return _named(where, series, fit)
-
-
-def _start_stress(settings: OscillationSettings, stress_fit: HarmonicFit, start: float) -> float:
-    """Stress (Pa) at which the model starts."""
-    if settings.background == "removed":
-        return 0.0
-    if settings.start_stress is not None:
-        return settings.start_stress
-    return float(stress_fit.trend(np.array([start]))[0])
 
 
 def _powers_of_rate(trend: FloatArray, t_half: float) -> FloatArray:
@@ -319,27 +308,19 @@ def strain_shares(strain_fit: HarmonicFit, stress_fit: HarmonicFit) -> tuple[flo
     """
     freedom = stress_fit.n_points - stress_fit.coefficients.size
     residual = max(stress_fit.chi_square / freedom, LEAST_RESIDUAL)
-    trends = stress_fit.degree + 1, strain_fit.degree + 1
-    bias = np.eye(trends[0])[0]
+    bias = np.eye(stress_fit.degree + 1)[0]
     # From end to end: twice the Legendre polynomials of odd degree.
-    rise = (np.arange(trends[1]) % 2).astype(np.float64)
-    slow, fast = (
-        _relative_variance(fit.trend_coefficients, fit.covariance[:n, :n], direction)
-        for fit, n, direction in (
-            (strain_fit, trends[1], rise),
-            (stress_fit, trends[0], bias),
-        )
-    )
-    oscillation = _relative_variance_of_fundamental(strain_fit) / (
-        _relative_variance_of_fundamental(stress_fit) * residual
-    )
-    return oscillation, slow / (fast * residual)
+    rise = (np.arange(strain_fit.degree + 1) % 2).astype(np.float64)
+    slow, fast = _relative_variance(strain_fit, rise), _relative_variance(stress_fit, bias)
+    strain, stress = map(_relative_variance_of_fundamental, (strain_fit, stress_fit))
+    return strain / (stress * residual), slow / (fast * residual)
 
 
-def _relative_variance(values: FloatArray, covariance: FloatArray, direction: FloatArray) -> float:
-    """Variance of a linear function over its square; infinite where it is 0."""
-    square = float(direction @ values) ** 2
-    return float(direction @ covariance @ direction) / square if square > 0 else math.inf
+def _relative_variance(fit: HarmonicFit, direction: FloatArray) -> float:
+    """Variance of a linear function of the trend over its square; infinite where it is 0."""
+    square, n = float(direction @ fit.trend_coefficients) ** 2, fit.degree + 1
+    variance = float(direction @ fit.covariance[:n, :n] @ direction)
+    return variance / square if square > 0 else math.inf
 
 
 def _relative_variance_of_fundamental(fit: HarmonicFit) -> float:
@@ -371,16 +352,12 @@ def _named(where: str, series: _Series, compute: Callable[[], T]) -> T:
         raise InputError(f"{where}: {series.name}: {error}") from None
 
 
-def _notices(n_left_out: int, background: Background) -> tuple[str, ...]:
-    """Sentences about what was left out; they name no file."""
-    notices = []
-    if n_left_out > 0:
-        notices.append(
-            f"{count_points(n_left_out)} of the stress outside the strain record left out."
-        )
+def _left_out(n_stresses: int, background: Background) -> Iterator[str]:
+    """Say what was left out."""
+    if n_stresses > 0:
+        yield f"{count_points(n_stresses)} of the stress outside the strain record left out."
     if background == "removed":
-        notices.append(REMOVED_NOTICE)
-    return tuple(notices)
+        yield REMOVED_NOTICE
 
 
 def _doubts(strain: _Series, strain_fit: HarmonicFit, stress_fit: HarmonicFit) -> Iterator[str]:

@@ -280,7 +280,7 @@ class HistoryExperiment(Experiment):
         return replace(self, microstructure=())
 
     def reading_places(self) -> tuple[FloatArray, IntArray]:
-        """Return times at which a solution holds every reading, and the place of each among them."""
+        """Return times of a solution that hold every reading, and the place of each among them."""
         # A reading at the start of a stage stands behind the jump there: its time comes twice.
         start = np.array([stage.start_time for stage in self.stages])
         is_behind = (self.reading_stage > 0) & (self.time == start[self.reading_stage])

@@ -106,6 +106,13 @@ class MeasuredMicrostructure:
         fabric = (self.fabric_factor or 0.0, self.fabric_factor_sd or 0.0)
         return [self.grain_size, relative_sd, *fabric]
 
+    @property
+    def table(self) -> dict[str, float]:
+        """Its table [[microstructure]], with the strain as a fraction and the time in s."""
+        keys = {"grain_size": "grain_size_m", "grain_size_sd": "grain_size_sd_m"}
+        found = {keys.get(name, name): value for name, value in asdict(self).items()}
+        return {key: value for key, value in found.items() if value is not None}
+
     def drawn(
         self, grain_size: float, fabric_factor: float, rng: np.random.Generator
     ) -> "MeasuredMicrostructure":
@@ -376,6 +383,7 @@ class Experiment(Test):
             **conditions,
             **{ENVIRONMENT_KEYS[name]: value for name, value in self.environment.items()},
             **self.own_tables(),
+            "microstructure": [one.table for one in self.microstructure] or None,
             "notices": list(self.notices),
             "provenance": asdict(self.provenance),
             "metadata": self.metadata,

@@ -6,7 +6,7 @@ arguments of a function; other keys are in the module of its kind. Everything is
 
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from datetime import date, datetime, time
 from itertools import pairwise
 from pathlib import Path
@@ -287,17 +287,6 @@ def measured_row(
         table.fabric_factor_sd,
         time,
     )
-
-
-def microstructure_tables(
-    measured: Sequence[MeasuredMicrostructure],
-) -> list[dict[str, Any]]:
-    """Return tables that files read back, with strains as fractions and times in s."""
-    keys = {"grain_size": "grain_size_m", "grain_size_sd": "grain_size_sd_m"}
-    return [
-        {keys.get(name, name): value for name, value in asdict(one).items() if value is not None}
-        for one in measured
-    ]
 
 
 ARGUMENT_NAMES: tuple[tuple[str, str | Callable[[re.Match[str]], str]], ...] = (

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any, ClassVar, Generic
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from pyburgers.cmdstan.draw_files import Draws
 from pyburgers.cmdstan.toolchain import stan_directory
@@ -216,6 +217,17 @@ def likelihoods() -> Mapping[str, Likelihood[Any]]:
 def likelihood_of(experiment: Experiment) -> Likelihood[Any]:
     """Return the likelihood of a test's kind."""
     return likelihoods()[experiment.protocol]
+
+
+def spread_over(starts: ArrayLike, ends: ArrayLike, shape: FloatArray) -> FloatArray:
+    """Return positions at shares of parts, whose last is 1, shape (n_parts, n_shares).
+
+    Ends are among them exactly: the solver cannot start in a part that rounding makes.
+    """
+    first, last = np.asarray(starts, dtype=np.float64), np.asarray(ends, dtype=np.float64)
+    positions = first[:, np.newaxis] + (last - first)[:, np.newaxis] * shape
+    positions[:, -1] = last
+    return positions
 
 
 def strains_of(measured: Sequence[MeasuredMicrostructure]) -> FloatArray:

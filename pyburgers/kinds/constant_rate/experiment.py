@@ -9,7 +9,7 @@ import numpy as np
 from pyburgers.common.array_types import FloatArray, IntArray
 from pyburgers.common.units import count_points, rounded_to
 from pyburgers.kinds.experiment import Experiment
-from pyburgers.kinds.experiment_file import MAX_READINGS, microstructure_tables
+from pyburgers.kinds.experiment_file import MAX_READINGS
 from pyburgers.kinds.limits import unlikely_strain_rate
 from pyburgers.kinds.odd_readings import odd_readings, opposed_stresses
 from pyburgers.model.parameters import PARAMETERS
@@ -116,6 +116,11 @@ class ConstantRateExperiment(Experiment):
         return (*found, *odd_readings(self.stress / 1e6, "stress (MPa)"))
 
     @property
+    def bounds(self) -> FloatArray:
+        """Strains at which segments start, and the final one, shape (n_segments + 1,)."""
+        return np.array([*(one.start_strain for one in self.segments), self.final_strain])
+
+    @property
     def largest_strain(self) -> float | None:
         """Final strain."""
         return self.final_strain
@@ -137,7 +142,7 @@ class ConstantRateExperiment(Experiment):
         return replace(self, stress=response + residuals)
 
     def own_tables(self) -> dict[str, Any]:
-        """Return segments, readings and microstructure."""
+        """Return segments and readings."""
         data: dict[str, Any] = {
             "file": {"strain": self.strain, "stress_Pa": self.stress},
             "missing": [],
@@ -155,7 +160,6 @@ class ConstantRateExperiment(Experiment):
                 for s in self.segments
             ],
             "data": data if self.n_points else None,
-            "microstructure": microstructure_tables(self.microstructure) or None,
         }
 
     @property
@@ -199,51 +203,30 @@ STEP_ROUNDING = 1e-12
 so short a segment."""
 
 
-def strain_grid(experiment: ConstantRateExperiment, shape: FloatArray) -> FloatArray:
-    """Return strains (n_shape * n_segments,) at positions in every segment, from above 0 to 1.
-
-    Rate steps are among them exactly: the solver cannot start in a segment that rounding makes.
-    """
-    starts = np.array([segment.start_strain for segment in experiment.segments])
-    ends = np.append(starts[1:], experiment.final_strain)
-    grid = starts[:, np.newaxis] + (ends - starts)[:, np.newaxis] * shape
-    grid[:, -1] = ends
-    return np.asarray(grid.ravel())
-
-
 def rate_text(rate: float) -> str:
     """Strain rate (1/s) as matplotlib text."""
     mantissa, exponent = f"{rate:.2e}".split("e")
     return rf"${mantissa}\times10^{{{int(exponent)}}}$ s$^{{-1}}$"
 
 
-def _steps(segments: Sequence[RateSegment]) -> tuple[FloatArray, FloatArray]:
-    """Start strains and rates (1/s) of the segments, each of shape (n_segments,)."""
-    return (
-        np.array([segment.start_strain for segment in segments]),
-        np.array([segment.strain_rate for segment in segments]),
-    )
-
-
-def _step_times(starts: FloatArray, rates: FloatArray) -> FloatArray:
-    """Return the times (s) at which the segments start."""
-    return np.concatenate([[0.0], np.cumsum(np.diff(starts) / rates[:-1])])
+def _steps(segments: Sequence[RateSegment]) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Strains and times (s) at which segments start, and their rates (1/s), each (n_segments,)."""
+    starts, rates = np.transpose([(one.start_strain, one.strain_rate) for one in segments])
+    return starts, np.concatenate([[0.0], np.cumsum(np.diff(starts) / rates[:-1])]), rates
 
 
 def _time_at(strain: FloatArray, segments: Sequence[RateSegment]) -> FloatArray:
     """Return the times (s since the start) at which strains are reached."""
-    starts, rates = _steps(segments)
+    starts, times, rates = _steps(segments)
     for step in starts[1:]:
         strain = np.where(np.isclose(strain, step, rtol=STEP_ROUNDING, atol=0.0), step, strain)
     segment = np.clip(np.searchsorted(starts, strain, side="right") - 1, 0, None)
-    times: FloatArray = _step_times(starts, rates)[segment]
-    return times + (strain - starts[segment]) / rates[segment]
+    return np.asarray(times[segment] + (strain - starts[segment]) / rates[segment])
 
 
 def _strain_at(time: FloatArray, segments: Sequence[RateSegment]) -> FloatArray:
     """Strain reached at times (s since the start); the first rate holds for times before it."""
-    starts, rates = _steps(segments)
-    times = _step_times(starts, rates)
+    starts, times, rates = _steps(segments)
     segment = np.clip(np.searchsorted(times, time, side="right") - 1, 0, None)
     return np.asarray(starts[segment] + (time - times[segment]) * rates[segment])
 

@@ -324,9 +324,8 @@ def load_constant_rate(
 
 def _thinned(test: ConstantRateExperiment, most: int) -> ConstantRateExperiment:
     """Return a test with about so many readings, as those of loading histories are chosen."""
-    starts = np.array([segment.start_strain for segment in test.segments])
     kept = thinned(
-        test.strain, test.reading_segment, test.stress, lambda number: starts[[number]], most
+        test.strain, test.reading_segment, test.stress, lambda number: test.bounds[[number]], most
     )
     notices = (*test.notices, *thinning_told(kept))
     return replace(test, strain=test.strain[kept], stress=test.stress[kept], notices=notices)
@@ -358,25 +357,19 @@ def _read_curves(
     ]
     if data.file is not None and file.segments[0].rows is None:
         parts = [(data, "[data]", (0.0, end))]
-    curves = []
-    for part, named_in, ends in parts:
-        strain, stress, notes = _read_points(
-            path, part, segments, named_in, sign, is_whole=data.file is not None
-        )
-        curves.append(Curve(part.source(path), part.selection, strain, stress, *ends, notes))
-    return curves
+    return [_curve(path, part, segments, named_in, sign, *ends) for part, named_in, ends in parts]
 
 
-def _read_points(
+def _curve(
     path: Path,
     data: DataTable,
     segments: Sequence[RateSegment],
     named_in: str,
     sign: int,
-    *,
-    is_whole: bool,
-) -> tuple[FloatArray, FloatArray, tuple[str, ...]]:
-    """Strain (fraction) and stress (Pa) of one file, each of shape (n_rows,), and notes."""
+    lower: float,
+    upper: float,
+) -> Curve:
+    """Read the points of one file, or of some of its rows."""
     source = data.source(path)
     read = [name for name in ("strain", "time") if getattr(data, f"{name}_column") is not None]
     columns = {f"{name}_column": (f"{name}_unit", name) for name in (*read, "stress")}
@@ -385,11 +378,12 @@ def _read_points(
         data,
         columns,
         named_in=named_in,
-        has_own_clock="strain" in read or is_whole or len(segments) == 1,
+        has_own_clock="strain" in read or named_in == "[data]" or len(segments) == 1,
     )
     stress, time = sign * found["stress_column"], found.get("time_column")
     if "strain_column" not in found:
-        return _strain_at(found["time_column"], segments), stress, notes
+        strain = _strain_at(found["time_column"], segments)
+        return Curve(source, data.selection, strain, stress, lower, upper, notes)
     strain = sign * found["strain_column"]
     if np.mean(strain < 0) > 0.5:
         expected, other = ("positive", "negative")[::sign]
@@ -402,7 +396,7 @@ def _read_points(
         start = _time_at(strain[:1], segments)
         imposed = _strain_at(time - time[0] + start, segments)
         notes += unlike_rates(source.name, time, strain, imposed)
-    return strain, stress, notes
+    return Curve(source, data.selection, strain, stress, lower, upper, notes)
 
 
 def _final_strain(

@@ -2,15 +2,22 @@
 
 from collections.abc import Sequence
 from dataclasses import fields, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from pyburgers.common.array_types import FloatArray
-from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, _strain_at, strain_grid
+from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, _strain_at
 from pyburgers.kinds.experiment import Experiment
-from pyburgers.kinds.likelihood import MICROSTRUCTURE, AtMode, Likelihood, grid_quantities
+from pyburgers.kinds.likelihood import (
+    MICROSTRUCTURE,
+    AtMode,
+    Likelihood,
+    grid_quantities,
+    spread_over,
+)
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.likelihood import LIKELIHOOD as HISTORIES
 from pyburgers.kinds.loading_history.stages import Stage
@@ -91,7 +98,7 @@ class ConstantRateLikelihood(Likelihood[ConstantRateExperiment]):
         """Return strains, denser at each segment's start; fine ones where stress first rises."""
         first, n = (1e-4, (120, 101)) if fine else (2e-3, (30, 31))
         shape = np.union1d(np.geomspace(first, 1.0, n[0]), np.linspace(0.0, 1.0, n[1])[1:])
-        return strain_grid(experiment, shape)
+        return spread_over(experiment.bounds[:-1], experiment.bounds[1:], shape).ravel()
 
     def along(self, experiment: ConstantRateExperiment) -> dict[str, tuple[FloatArray, str]]:
         """Return strains, times since the start, segments from 0, and stated errors."""
@@ -109,17 +116,12 @@ class ConstantRateLikelihood(Likelihood[ConstantRateExperiment]):
 
         The model, the readings and their density are the same; a path strain is the strain.
         """
-        starts = np.array([segment.start_strain for segment in experiment.segments])
-        times = experiment.time_at(np.append(starts, experiment.final_strain))
+        times = experiment.time_at(experiment.bounds)
         stages = tuple(
-            Stage(
-                control="strain_rate",
-                start_time=float(times[k]),
-                end_time=float(times[k + 1]),
-                temperature=experiment.temperature,
-                value=segment.strain_rate,
+            Stage("strain_rate", start, end, experiment.temperature, segment.strain_rate)
+            for (start, end), segment in zip(
+                pairwise(times.tolist()), experiment.segments, strict=True
             )
-            for k, segment in enumerate(experiment.segments)
         )
         stage = experiment.reading_segment
         time = np.clip(experiment.time_at(experiment.strain), times[stage], times[stage + 1])

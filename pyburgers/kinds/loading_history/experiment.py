@@ -9,7 +9,6 @@ import numpy as np
 
 from pyburgers.common.array_types import BoolArray, FloatArray, IntArray
 from pyburgers.kinds.experiment import Experiment, Stated
-from pyburgers.kinds.experiment_file import microstructure_tables
 from pyburgers.kinds.loading_history.stages import (
     OWN_KEYS,
     Leg,
@@ -295,7 +294,7 @@ class HistoryExperiment(Experiment):
         return replace(self, reading=response + residuals)
 
     def own_tables(self) -> dict[str, Any]:
-        """Return stages, apparatus, readings and microstructure."""
+        """Return stages, apparatus and readings."""
         compliance, offset = self.apparatus_compliance, self.strain_offset
         is_force = any(stage.is_force for stage in self.stages)
         return {
@@ -306,7 +305,6 @@ class HistoryExperiment(Experiment):
             "strain_offset": offset
             and {"value": offset.value, "sd": offset.sd, "unit": "fraction"},
             "data": self._data_table() if self.n_points else None,
-            "microstructure": microstructure_tables(self.microstructure) or None,
         }
 
     def _data_table(self) -> dict[str, Any]:

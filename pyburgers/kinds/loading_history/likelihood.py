@@ -9,7 +9,7 @@ from pyburgers.common.array_types import BoolArray, FloatArray
 from pyburgers.common.errors import InputError
 from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
 from pyburgers.kinds.experiment import Experiment
-from pyburgers.kinds.likelihood import MICROSTRUCTURE, Likelihood, grid_quantities
+from pyburgers.kinds.likelihood import MICROSTRUCTURE, Likelihood, grid_quantities, spread_over
 from pyburgers.kinds.loading_history.experiment import (
     CreepInterval,
     HistoryExperiment,
@@ -81,7 +81,8 @@ class HistoryLikelihood(Likelihood[HistoryExperiment]):
         """Return times, denser at the start of every stage, and unless fine of every load."""
         first, n = (1e-5, (80, 81)) if fine else (1e-4, (24, 25))
         shape = np.union1d(np.geomspace(first, 1, n[0]), np.linspace(0, 1, n[1]))
-        times = _stage_times(experiment, shape)
+        starts, ends = np.transpose([(one.start_time, one.end_time) for one in experiment.stages])
+        times = spread_over(starts, ends, shape).ravel()
         if fine:
             return times
         # Equal times at which stages meet all stay.
@@ -164,16 +165,6 @@ def _priors_of_readings(
     if correlate and experiment.residual_correlation not in priors.priors:
         priors = with_variant(priors, experiment, {"residuals": "autocorrelated"})
     return priors
-
-
-def _stage_times(experiment: HistoryExperiment, shape: FloatArray) -> FloatArray:
-    """Return times spread in the same way over every stage, both of whose ends count."""
-    parts = []
-    for stage in experiment.stages:
-        time = stage.start_time + shape * (stage.end_time - stage.start_time)
-        time[-1] = stage.end_time
-        parts.append(time)
-    return np.concatenate(parts)
 
 
 def _load_times(experiment: HistoryExperiment) -> FloatArray:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pyburgers.common.array_types import BoolArray, FloatArray, IntArray
-from pyburgers.kinds.likelihood import AtMode
+from pyburgers.kinds.likelihood import AtMode, spread_over
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.stages import Leg
 from pyburgers.kinds.loading_history.stan_data import leg_of_readings
@@ -136,10 +136,8 @@ def _along(test: AtMode[HistoryExperiment]) -> _Curve:
     legs, of_reading = experiment.legs, leg_of_readings(experiment)
     n = max(MIN_KNOTS, N_KNOTS // len(legs))
     shape = np.union1d(np.geomspace(1e-3, 1.0, n // 2 + 1), np.linspace(0.0, 1.0, n // 2 + 1))
-    knots = [
-        np.append(leg.start_time + shape[:-1] * (leg.end_time - leg.start_time), leg.end_time)
-        for leg in legs
-    ]
+    starts, ends = np.transpose([(one.start_time, one.end_time) for one in legs])
+    knots = spread_over(starts, ends, shape)
     times = [np.union1d(own, experiment.time[of_reading == k]) for k, own in enumerate(knots)]
     time, leg = np.concatenate(times), np.repeat(np.arange(len(legs)), [t.size for t in times])
     found = test.solution(time)

@@ -187,7 +187,7 @@ class ConstantRateExperiment(Experiment):
         If several points lie at the strain of a rate step, the first ends the segment before. The
         others are in the segment that begins there.
         """
-        steps = [segment.start_strain for segment in self.segments[1:]]
+        steps = self.bounds[1:-1]
         after_another = np.diff(self.strain, prepend=-1.0) == 0
         at_step = np.isin(self.strain, steps)
         ends_before = np.searchsorted(steps, self.strain, side="left")

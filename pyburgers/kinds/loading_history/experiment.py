@@ -1,7 +1,7 @@
 """Tests under a history of imposed strain and stress: what was imposed, what was read."""
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Self
 
@@ -178,23 +178,22 @@ class HistoryExperiment(Experiment):
             *odd_readings(self.reading[~self.response_is_strain] / 1e6, "stress (MPa)"),
         )
 
-    def _doubts_about_signs(self) -> tuple[str, ...]:
+    def _doubts_about_signs(self) -> Iterator[str]:
         """Say where imposed stresses and most strains that are read have opposite signs."""
         imposed, strain = self.imposed_stresses, self._strains_read
         if not imposed.any() or not strain.size:
-            return ()
-        if imposed.max() <= 0 < np.median(strain):
-            there, here = "extension", "compression"
-        elif imposed.min() >= 0 > np.median(strain):
-            there, here = "compression", "extension"
-        else:
-            return ()
-        return (
+            return
+        there, here, usual = "extension", "compression", np.median(strain)
+        if imposed.min() >= 0 > usual:
+            there, here = here, there
+        elif not imposed.max() <= 0 < usual:
+            return
+        yield (
             f"imposed stresses are {there} while strains are {here}; check their signs "
-            '(compression is positive unless compression = "negative") and the zero of the strain.',
+            '(compression is positive unless compression = "negative") and the zero of the strain.'
         )
 
-    def _doubts_about_times(self) -> tuple[str, ...]:
+    def _doubts_about_times(self) -> Iterator[str]:
         """Say where half of a stage passes ahead of its first reading or behind the last one."""
         first, last = (int(self.reading_stage[k]) for k in (0, -1))
         unread = (
@@ -202,21 +201,19 @@ class HistoryExperiment(Experiment):
             (last, self.stages[last].end_time - self.time[-1], "after the last"),
         )
         unit, seconds = time_unit(self.end_time)
-        found = []
         for k, passed, where in unread:
             duration = self.stages[k].end_time - self.stages[k].start_time
             if passed > MAX_UNREAD_SHARE * duration:
-                found.append(
+                yield (
                     f"stage {k + 1} lasts {duration / seconds:.4g} {unit}, of which "
                     f"{passed / seconds:.4g} {unit} are {where} reading; check units and start "
                     "of the times."
                 )
-        return tuple(found)
 
-    def _doubts_about_compliance(self) -> tuple[str, ...]:
+    def _doubts_about_compliance(self) -> Iterator[str]:
         """Say where compliance times stress is not what the apparatus takes up."""
         if self.apparatus_compliance is None:
-            return ()
+            return
         strains = np.array([0.0, *self._strains_read, *imposed_strains(self.legs)])
         farthest = float(strains[np.argmax(np.abs(strains))])
         known, stress = abs(farthest), f"{self.largest_stress / 1e6:.3g} MPa"
@@ -224,18 +221,17 @@ class HistoryExperiment(Experiment):
         # A force over the first area acts on another one, and on another length.
         missed = taken_up * abs(float(np.expm1(2 * farthest)))
         if taken_up > known:
-            return (
+            yield (
                 f"the compliance of the apparatus makes a strain of {taken_up:.3g} of a stress of "
                 f"{stress}, but no strain that is read or imposed exceeds {known:.3g}; check its "
-                "unit.",
+                "unit."
             )
-        if missed > (self.strain_uncertainty or MAX_MISSED_SHARE * known):
-            return (
+        elif missed > (self.strain_uncertainty or MAX_MISSED_SHARE * known):
+            yield (
                 f"at a strain of {farthest:.3g} the strain of the apparatus under {stress} is off "
                 f"by up to {missed:.2g}, as length and area are not the first ones; correct the "
-                "strains for the apparatus yourself, and leave out [apparatus].",
+                "strains for the apparatus yourself, and leave out [apparatus]."
             )
-        return ()
 
     @property
     def _strains_read(self) -> FloatArray:
@@ -243,21 +239,21 @@ class HistoryExperiment(Experiment):
         zero = 0.0 if self.strain_offset is None else self.strain_offset.value
         return np.asarray(self.reading[self.response_is_strain] - zero)
 
-    def _doubts_about_path_strains(self) -> tuple[str, ...]:
+    def _doubts_about_path_strains(self) -> Iterator[str]:
         """Say where microstructure was measured beyond all strain that is imposed and read."""
         is_strain = self.response_is_strain
         driven = {n for n, stage in enumerate(self.stages) if stage.driven == "stress"}
         if not driven <= set(self.reading_stage[is_strain].tolist()):
-            return ()
+            return
         # Noise of the readings only adds to it.
         read = float(np.abs(np.diff(self.reading[is_strain], prepend=0.0)).sum())
         imposed = sum(abs(leg.end_value) for leg in self.legs if leg.driven == "strain")
         beyond = [one.strain for one in self.microstructure if (one.strain or 0) > read + imposed]
-        return tuple(
-            f"the microstructure was measured at a path strain of {strain:g}, but imposed strains "
-            f"and readings add up to {read + imposed:.3g}; check its unit."
-            for strain in beyond[:1]
-        )
+        if beyond:
+            yield (
+                f"the microstructure was measured at a path strain of {beyond[0]:g}, but imposed "
+                f"strains and readings add up to {read + imposed:.3g}; check its unit."
+            )
 
     @property
     def largest_strain_read(self) -> float | None:

@@ -44,6 +44,7 @@ from pyburgers.kinds.loading_history.stage_tables import (
     stage_bounds,
 )
 from pyburgers.kinds.loading_history.stages import (
+    Driven,
     Leg,
     Measure,
     Stage,
@@ -139,23 +140,11 @@ def load_loading_history(path: Path, tables: Mapping[str, Any] | None = None) ->
         *changes,
         *unlike_imposed(test.readings, stages),
     ]
-    response: list[Literal["stress", "strain"]] = [
-        "strain" if stage.driven == "stress" else "stress" for stage in stages
-    ]
-    found = responses(path, test.readings, response)
+    found = responses(path, test.readings, stages)
     used, more = _used(test, found, stages, file.data)
     time, reading_stage, reading = used
     more += _of_other_sign(used, legs_of(stages))
     n_in_file = None if file.data is None else file.data.readings_in_file
-    apparatus = _apparatus(file)
-    microstructure = _sections(
-        test,
-        file.microstructure,
-        file.stages,
-        legs_of(stages),
-        strain_unit=None if file.data is None else file.data.strain_unit,
-        is_rigid=apparatus is None,
-    )
     return HistoryExperiment(
         **values,
         stages=stages,
@@ -164,10 +153,10 @@ def load_loading_history(path: Path, tables: Mapping[str, Any] | None = None) ->
         reading=reading,
         stress_uncertainty=test.stress_error,
         strain_uncertainty=test.strain_error,
-        apparatus_compliance=apparatus,
+        apparatus_compliance=_apparatus(file),
         strain_offset=offset,
         n_readings_in_file=found[0].size if n_in_file is None else n_in_file,
-        microstructure=microstructure,
+        microstructure=_sections(test, file, legs_of(stages)),
         notices=tuple(dict.fromkeys([*file.notices, *changes, *more])),
     )
 
@@ -232,10 +221,7 @@ def _apparatus(file: LoadingHistoryFile) -> Stated | None:
 
 
 def _uncertainty(
-    path: Path,
-    file: LoadingHistoryFile,
-    quantity: Literal["stress", "strain"],
-    strain: FloatArray,
+    path: Path, file: LoadingHistoryFile, quantity: Driven, strain: FloatArray
 ) -> float | None:
     """Return the stated standard deviation of a true reading (SI), at the median true strain."""
     data = file.data
@@ -314,17 +300,14 @@ def _used(
     return (time[chosen], stage[chosen], value[chosen]), [*notices, *thinning_told(chosen)]
 
 
-HALF = 0.5
-"""Share of the largest imposed strain that no slack or noise ahead of the loading reaches."""
-
-
 def _of_other_sign(used: Response, legs: Sequence[Leg]) -> list[str]:
     """Say where most stresses of the first loading oppose the strain that is imposed in it."""
     loading = [*itertools.takewhile(lambda leg: leg.driven == "strain", legs)]
     strains = imposed_strains(loading)
     if not strains.any():
         return []
-    first = int(np.argmax(np.abs(strains) >= HALF * np.abs(strains).max()))
+    # No slack or noise ahead of the loading reaches half of the largest imposed strain.
+    first = int(np.argmax(np.abs(strains) >= 0.5 * np.abs(strains).max()))
     back = (leg.start_time for leg in loading[first:] if leg.rate * strains[first] < 0)
     time, _, stress = used
     read = stress[time < next(back, loading[-1].end_time)]
@@ -332,21 +315,21 @@ def _of_other_sign(used: Response, legs: Sequence[Leg]) -> list[str]:
 
 
 def _sections(
-    test: StageSource,
-    tables: Sequence[SectionTable],
-    stage_tables: Sequence[StageTable],
-    legs: Sequence[Leg],
-    *,
-    strain_unit: str | None,
-    is_rigid: bool,
+    test: StageSource, file: LoadingHistoryFile, legs: Sequence[Leg]
 ) -> tuple[MeasuredMicrostructure, ...]:
     """Check the tables [[microstructure]], whose path strains have the unit of [data]."""
-    factor = strain_factor(test.path, strain_unit)
-    start, end = stage_tables[0].start_time, stage_tables[-1].end_time
+    tables, is_rigid = file.microstructure, file.apparatus is None
+    factor = strain_factor(test.path, None if file.data is None else file.data.strain_unit)
+    start, end = file.stages[0].start_time, file.stages[-1].end_time
     times = [end if table.time == END else table.time for table in tables]
     for number, (table, time) in enumerate(zip(tables, times, strict=True), start=1):
         where = row_text(test.path, number)
-        _check_one_place(where, table)
+        if (table.time is None) == (table.strain is None):
+            found = "neither" if table.time is None else "both"
+            raise InputError(
+                f"{where}: found {found} of the keys 'time' and 'strain', expected one of them "
+                '(time = "end" for a sample that was sectioned after the test).'
+            )
         if time is not None and not start < time <= end:
             raise InputError(
                 f"{where}: key 'time': found {time:g}, expected more than {start:g} and at most "
@@ -366,15 +349,6 @@ def _sections(
         )
         for number, (table, time) in enumerate(zip(tables, times, strict=True), start=1)
     )
-
-
-def _check_one_place(where: str, table: SectionTable) -> None:
-    if (table.time is None) == (table.strain is None):
-        found = "neither" if table.time is None else "both"
-        raise InputError(
-            f"{where}: found {found} of the keys 'time' and 'strain', expected one of them "
-            '(time = "end" for a sample that was sectioned after the test).'
-        )
 
 
 def _check_strain(

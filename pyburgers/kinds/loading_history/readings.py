@@ -3,7 +3,6 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 from pydantic import Field
@@ -13,7 +12,7 @@ from pyburgers.common.columns import Column, DataFile, TextFilesTable, read_colu
 from pyburgers.common.errors import InputError
 from pyburgers.common.units import UNITS, count_points, units_text
 from pyburgers.kinds.experiment_file import MAX_DEPARTURE_SHARE, MAX_READINGS, MaxReadings
-from pyburgers.kinds.loading_history.stages import Stage, legs_of
+from pyburgers.kinds.loading_history.stages import Driven, Stage, legs_of
 from pyburgers.kinds.odd_readings import order_text
 
 ROUNDING = 1e-14
@@ -81,9 +80,7 @@ class Readings:
     strain: FloatArray
     notes: tuple[str, ...] = ()
 
-    def of(
-        self, quantity: Literal["stress", "strain"], stage: int | None = None
-    ) -> tuple[FloatArray, FloatArray]:
+    def of(self, quantity: Driven, stage: int | None = None) -> tuple[FloatArray, FloatArray]:
         """Return times and values of the readings of a quantity, of all stages or of one."""
         values: FloatArray = getattr(self, quantity)
         there = np.isfinite(values)
@@ -139,27 +136,18 @@ def read_readings(
                 f"Key 'relaxation_strain' is {stated:g}, but the stages impose a strain of "
                 f"{abs(held):g} before they hold it: check both.",
             )
-    return Readings(
-        source=source,
-        time=time - bounds[0],
-        stage=stage,
-        stress=stress,
-        strain=strain,
-        notes=notes,
-    )
+    return Readings(source, time - bounds[0], stage, stress, strain, notes)
 
 
-def responses(
-    path: Path, readings: Readings, response: Sequence[Literal["stress", "strain"]]
-) -> Response:
+def responses(path: Path, readings: Readings, stages: Sequence[Stage]) -> Response:
     """Return times, stages and values of the response; a stage with rows has to have one."""
-    is_strain = np.array([quantity == "strain" for quantity in response])
+    is_strain = np.array([stage.driven == "stress" for stage in stages])
     value = np.where(is_strain[readings.stage], readings.strain, readings.stress)
     there = np.isfinite(value)
     for number in np.unique(readings.stage):
         if not there[readings.stage == number].any():
-            quantity = response[number]
-            imposed = "stress" if quantity == "strain" else "strain"
+            imposed = stages[number].driven
+            quantity = "strain" if imposed == "stress" else "stress"
             raise InputError(
                 f"{path}: stage {number + 1} imposes a {imposed} but {readings.source} holds no "
                 f"{quantity} in it, expected its response ('{quantity}_column' in [data]) or no "
@@ -170,10 +158,8 @@ def responses(
 
 def _check_pair(path: Path, data: HistoryDataTable, quantity: str) -> None:
     data.check_pairs(path, quantity)
-    if (
-        getattr(data, f"{quantity}_unit") is None
-        and getattr(data, f"{quantity}_uncertainty") is not None
-    ):
+    has_unit = getattr(data, f"{quantity}_unit") is not None
+    if getattr(data, f"{quantity}_uncertainty") is not None and not has_unit:
         raise InputError(
             f"{path}: key '{quantity}_uncertainty' in [data]: found it without "
             f"'{quantity}_column', expected both or neither."
@@ -293,7 +279,7 @@ class Series:
 
 def own_readings(
     readings: Readings,
-    quantity: Literal["stress", "strain"],
+    quantity: Driven,
     stage: int,
     span: tuple[float, float],
     shared: tuple[bool, bool],
@@ -323,7 +309,7 @@ def too_long_a_gap(time: FloatArray, span: tuple[float, float]) -> bool:
 
 def with_ends(
     readings: Readings,
-    quantity: Literal["stress", "strain"],
+    quantity: Driven,
     own: tuple[FloatArray, FloatArray],
     span: tuple[float, float],
 ) -> Series:

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 
@@ -32,6 +31,7 @@ from pyburgers.kinds.loading_history.readings import (
 from pyburgers.kinds.loading_history.stages import (
     DRIVEN,
     Control,
+    Driven,
     Measure,
     Stage,
     StageTable,
@@ -251,13 +251,9 @@ class _StageReader:
             )
             return replace(stage, is_force=is_force)
         series = self._readings("strain", "the area under the force")
-        time, zero = series.time, self.test.first_strain[0]
-        value = true_stress(
-            start + rate * (time - self.start),
-            series.value - zero,
-            self.test.compliance,
-            where=self.where,
-        )
+        time, strain = series.time, series.value - self.test.first_strain[0]
+        force = start + rate * (time - self.start)
+        value = true_stress(force, strain, self.test.compliance, where=self.where)
         stated = self.test.strain_error
         error = reading_error(time, value) if stated is None else stated * np.abs(value).max()
         corners, line = line_through(*looked_at(time, value), tolerance_of(value, error))
@@ -269,7 +265,14 @@ class _StageReader:
 
     def _displacement(self, rate: float) -> Stage:
         """Constant displacement rate: over the first length (1/s), as legs of true strain."""
-        first = -np.expm1(-self._true_strain())
+        zero = self.test.first_strain[0]
+        start = strain_at_start(self.before, self.test.readings, zero, read_there=True)
+        if start is None:
+            raise InputError(
+                f"{self.where}: found an engineering strain rate after an imposed stress without a "
+                "reading of the strain, expected 'strain_column' in [data] to tell the length."
+            )
+        first = -np.expm1(-start[0])
         last = first + rate * (self.end - self.start)
         if last >= 1:
             raise InputError(
@@ -285,22 +288,11 @@ class _StageReader:
         )
         return self._series("strain_series", time, strain)
 
-    def _true_strain(self) -> float:
-        """Strain at the start: imposed so far, or measured where a stage before imposed stress."""
-        zero = self.test.first_strain[0]
-        start = strain_at_start(self.before, self.test.readings, zero, read_there=True)
-        if start is None:
-            raise InputError(
-                f"{self.where}: found an engineering strain rate after an imposed stress without a "
-                "reading of the strain, expected 'strain_column' in [data] to tell the length."
-            )
-        return start[0]
-
     def _given_series(self, knots: Sequence[Sequence[float]], stress: float) -> Stage:
         """Corners as they stand in the file."""
         test, control = self.test, self.table.control
-        strain_driven = control == "strain_series"
-        quantity = "strain" if strain_driven else "stress"
+        quantity = DRIVEN[control]
+        strain_driven = quantity == "strain"
         measure = test.strain_measure if strain_driven else test.stress_measure
         key = f"{self.where}: key 'knots'"
         if measure == "engineering":
@@ -339,8 +331,8 @@ class _StageReader:
 
     def _measured_series(self) -> Stage:
         """Legs through readings."""
-        strain_driven = self.table.control == "strain_series"
-        quantity: Literal["stress", "strain"] = "strain" if strain_driven else "stress"
+        quantity = DRIVEN[self.table.control]
+        strain_driven = quantity == "strain"
         series = self._readings(quantity, "what is imposed")
         time, value = series.time, series.value
         stated = self.test.strain_error if strain_driven else self.test.stress_error
@@ -368,7 +360,7 @@ class _StageReader:
         )
         return self._series(self.table.control, corners, line)
 
-    def _readings(self, quantity: Literal["stress", "strain"], purpose: str) -> Series:
+    def _readings(self, quantity: Driven, purpose: str) -> Series:
         """Return what was read over the stage."""
         span, test, number = (self.start, self.end), self.test, self.number
         shared = (DRIVEN[self.table.control] == "strain", self.strain_follows)

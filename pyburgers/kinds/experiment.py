@@ -122,9 +122,8 @@ class MeasuredMicrostructure:
         drawn = replace(self, grain_size=size, grain_size_sd=log_sd * size)
         if self.fabric_factor is None:
             return drawn
-        return replace(
-            drawn, fabric_factor=float(fabric_factor + fabric_sd * rng.standard_normal())
-        )
+        factor = float(fabric_factor + fabric_sd * rng.standard_normal())
+        return replace(drawn, fabric_factor=factor)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)

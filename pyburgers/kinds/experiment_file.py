@@ -100,19 +100,15 @@ def shared_values(path: Path, file: ExperimentFile) -> dict[str, Any]:
         lambda: _uncertain_conditions(path, file),
         lambda: _true_parameters(path, file),
     )
+    environment = {name: getattr(file, key) for name, key in ENVIRONMENT_KEYS.items()}
+    stated = {name: value for name, value in environment.items() if value is not None}
     return {
         "id": file.id,
         "material": file.material,
         "temperature": file.temperature_K,
         "initial_grain_size": file.initial_grain_size_m,
         "uncertain": uncertain,
-        "environment": MappingProxyType(
-            {
-                name: getattr(file, key)
-                for name, key in ENVIRONMENT_KEYS.items()
-                if getattr(file, key) is not None
-            }
-        ),
+        "environment": MappingProxyType(stated),
         "provenance": Provenance(**file.provenance.model_dump()),
         "metadata": MappingProxyType(dict(file.metadata)),
         "true_parameters": true_parameters,
@@ -261,12 +257,7 @@ def check_increasing(path: Path, key: str, values: Sequence[float | None]) -> No
 
 
 def measured_row(
-    path: Path,
-    number: int,
-    table: MeasuredTable,
-    *,
-    strain: float | None = None,
-    time: float | None = None,
+    path: Path, number: int, table: MeasuredTable, strain: float | None, time: float | None = None
 ) -> MeasuredMicrostructure:
     """Check what was measured at a strain (fraction) or time (s)."""
     where = row_text(path, number)
@@ -279,14 +270,8 @@ def measured_row(
             f"{where}: key 'grain_size_sd_m': found {table.grain_size_sd_m:g}, expected less "
             f"than the grain size, {table.grain_size_m:g} m."
         )
-    return MeasuredMicrostructure(
-        strain,
-        table.grain_size_m,
-        table.grain_size_sd_m,
-        table.fabric_factor,
-        table.fabric_factor_sd,
-        time,
-    )
+    fabric = table.fabric_factor, table.fabric_factor_sd
+    return MeasuredMicrostructure(strain, table.grain_size_m, table.grain_size_sd_m, *fabric, time)
 
 
 ARGUMENT_NAMES: tuple[tuple[str, str | Callable[[re.Match[str]], str]], ...] = (

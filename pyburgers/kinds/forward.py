@@ -167,16 +167,6 @@ def checked_positions(experiment: Experiment, at: npt.ArrayLike) -> FloatArray:
     return np.clip(positions, low, high)
 
 
-def _check_temperature(experiment: Experiment, values: Mapping[str, float]) -> None:
-    """Refuse an error of the temperature as large as the temperature."""
-    error, coldest = values.get("temperature_error", 0.0), float(experiment.temperatures.min())
-    if abs(error) >= coldest:
-        raise InputError(
-            f"{experiment.id}: temperature_error is {error:g} K, expected less than the "
-            f"temperature of the test, {coldest:g} K."
-        )
-
-
 def simulate(
     experiment: Experiment,
     parameters: Mapping[str, float],
@@ -238,7 +228,12 @@ def _solved(
     """Return what `simulate` does, and grain sizes (m) and fabric factors, (n_sections, 2)."""
     values = with_stated(experiment, check_parameters(parameters))
     likelihood = likelihood_of(experiment)
-    _check_temperature(experiment, values)
+    error, coldest = values.get("temperature_error", 0.0), float(experiment.temperatures.min())
+    if abs(error) >= coldest:
+        raise InputError(
+            f"{experiment.id}: temperature_error is {error:g} K, expected less than the "
+            f"temperature of the test, {coldest:g} K."
+        )
     check_laws(given_parameters(experiment.material, values), experiment)
     grid = likelihood.output_grid(experiment) if at is None else checked_positions(experiment, at)
     draw = solve(experiment, values, grid, solver=solver, sections=sections)

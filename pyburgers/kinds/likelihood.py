@@ -242,6 +242,4 @@ def times_of(measured: Sequence[MeasuredMicrostructure]) -> FloatArray:
 
 def measured_block(of_tests: Sequence[Sequence[MeasuredMicrostructure]]) -> list[list[float]]:
     """Return the rows of `stan/statistics/measured_microstructure.stan`, of tests in turn."""
-    rows = [one.numbers for measured in of_tests for one in measured]
-    found: list[list[float]] = np.array(rows).reshape(-1, 4).tolist()
-    return found
+    return [one.numbers for measured in of_tests for one in measured]

@@ -122,8 +122,13 @@ class Facts:
         for k, value in enumerate(self.values):
             if abs(value - self.values[starts[-1]]) > band:
                 starts.append(k)
+
+        def rise(run: FloatArray) -> float:
+            early, late = np.split(run, [run.size // 2])
+            return abs(float(late.mean() - early.mean()))
+
         runs = [one for one in np.split(self.values, starts[1:]) if one.size >= MIN_RUN_READINGS]
-        flat = [one for one in runs if abs(_second_half_over_first(one)) < MAX_RUN_RISE * band]
+        flat = [one for one in runs if rise(one) < MAX_RUN_RISE * band]
         return (
             any(abs(one.mean() - flat[0].mean()) > band for one in flat)
             and sum(one.size for one in flat) >= MIN_LEVELS_SHARE * self.values.size
@@ -139,12 +144,6 @@ class Facts:
 
     def _range(self, start: int = 0) -> float:
         return float(np.ptp(self.values[start:]))
-
-
-def _second_half_over_first(values: FloatArray) -> float:
-    """Return by how much the later half of readings is larger than the earlier one."""
-    half = values.size // 2
-    return float(values[half:].mean() - values[:half].mean())
 
 
 def _turning_points(values: FloatArray, way_back: float) -> tuple[int, ...]:
@@ -173,9 +172,6 @@ def read_together(*values: FloatArray) -> tuple[FloatArray, ...]:
     return tuple(own[there] for own in values)
 
 
-NAMED_SEPARATORS = {sign: name for name, sign in SEPARATORS.items()}
-
-
 COMMENTS_AT = 36
 """Column at which comments start."""
 
@@ -185,10 +181,6 @@ UNCERTAIN_CONDITIONS: Mapping[str, tuple[float, str]] = {
     "stress_calibration_error": (0.02, "relative error of the load cell"),
 }
 """Standard deviations that are proposed, and what they are of, by the condition's error."""
-
-
-ENVIRONMENT_COMMENT = "if laws depend on it; also water_fugacity_Pa, melt_fraction"
-"""Of the proposed line about the environment."""
 
 
 HEAD = """\
@@ -327,13 +319,13 @@ def experiment_text(new_file: NewFile, test: Description) -> str:
         for name, (sd, comment) in UNCERTAIN_CONDITIONS.items()
         if name in new_file.experiment.may_be_uncertain
     ]
-    conditions.append(with_comment("# pressure_Pa = 0.0", ENVIRONMENT_COMMENT))
+    environment = "if laws depend on it; also water_fugacity_Pa, melt_fraction"
+    conditions.append(with_comment("# pressure_Pa = 0.0", environment))
     filling = {
         **values,
         "protocol": new_file.experiment.protocol,
         "conditions": conditions,
-        **_file_values(test),
-        **_column_values(test),
+        **_data_values(test),
         **new_file.filling(test),
     }
     lines = filled(HEAD + new_file.template + PROVENANCE, filling)
@@ -393,26 +385,18 @@ def with_comment(text: str, comment: str) -> str:
 
 
 def _toml(value: object) -> str:
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, float):
-        return repr(value)
-    return json.dumps(value, ensure_ascii=False)
+    return repr(value) if isinstance(value, float) else json.dumps(value, ensure_ascii=False)
 
 
-def _file_values(test: Description) -> dict[str, object]:
-    """Return the name of the text file, and how it is laid out where it is not as by default."""
+def _data_values(test: Description) -> dict[str, object]:
+    """Return the text file, its layout where it is not as by default, and its columns and units."""
     separator = test.table.separator
-    return {
+    names = {sign: name for name, sign in SEPARATORS.items()}
+    found: dict[str, object] = {
         "file": test.file,
-        "separator": None if separator == "," else NAMED_SEPARATORS.get(separator, separator),
+        "separator": None if separator == "," else names.get(separator, separator),
         "header": False if test.table.names is None else None,
     }
-
-
-def _column_values(test: Description) -> dict[str, object]:
-    """Return the columns and their units."""
-    found: dict[str, object] = {}
     for quantity, guessed in test.columns.items():
         found[f"{quantity}_column"] = guessed.column
         if not quantity.endswith("_uncertainty"):

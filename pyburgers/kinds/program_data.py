@@ -153,12 +153,8 @@ def prior_block(priors: PriorSet, parameters: Sequence[Parameter]) -> StanData:
 def flow_law_block(flow_law: FlowLawPrior | None) -> StanData:
     """Return the joint prior of the flow law, the rest of the block `stan/data/priors.stan`."""
     if flow_law is None:
-        return {
-            "n_flow_law": 0,
-            "flow_law_mean": [],
-            "flow_law_factor": [],
-            "flow_law_conditions": [],
-        }
+        names = ("flow_law_mean", "flow_law_factor", "flow_law_conditions")
+        return {"n_flow_law": 0, **{name: [] for name in names}}
     at = flow_law.conditions
     return {
         "n_flow_law": flow_law.mean.size,

@@ -134,10 +134,8 @@ class PlainCoordinates:
     @property
     def replaced_parameter(self) -> str | None:
         """Parameter whose place the reference stress or flow rate takes, if any."""
-        for quantity, parameter in zip(self.quantities, self.parameters, strict=True):
-            if quantity in REFERENCE_QUANTITIES:
-                return parameter
-        return None
+        pairs = zip(self.quantities, self.parameters, strict=True)
+        return next((parameter for name, parameter in pairs if name in REFERENCE_QUANTITIES), None)
 
     @property
     def quantity(self) -> FloatArray:

@@ -241,17 +241,15 @@ class ValleyChart(Chart[E]):
 
 def quantile_places(path_strain: FloatArray) -> IntArray:
     """Places of the pins: quantiles of path strains, not decreasing, where the dashpot flows."""
-    places = np.rint(_quantiles(path_strain.size) * (path_strain.size - 1)).astype(np.int64)
-    _, first = np.unique(path_strain[places], return_index=True)
-    return np.asarray(places[first])
-
-
-def _quantiles(n_flowing: int) -> FloatArray:
+    n_flowing = path_strain.size
     if n_flowing < MIN_FLOWING_POINTS:
         raise ChartUnsuited(
             f"only {n_flowing} points lie where the dashpot flows, {MIN_FLOWING_POINTS} are needed"
         )
-    return (np.arange(N_PINS) + 0.5) / N_PINS
+    quantiles = (np.arange(N_PINS) + 0.5) / N_PINS
+    places = np.rint(quantiles * (n_flowing - 1)).astype(np.int64)
+    _, first = np.unique(path_strain[places], return_index=True)
+    return np.asarray(places[first])
 
 
 def middle_of_rise(time: FloatArray, stress: FloatArray, elastic_rate: float) -> float:
@@ -274,9 +272,7 @@ def noise_exponents(
     """
     rng = np.random.default_rng(0)
     exponents = np.zeros(len(coordinates.quantities))
-    for name in names:
-        if name not in coordinates.quantities:
-            continue
+    for name in (one for one in names if one in coordinates.quantities):
         k = coordinates.quantities.index(name)
         values = priors[name].distribution().rvs(N_PRIOR_DRAWS, random_state=rng)
         prior_variance = float(np.var(coordinates.of_quantity(k, values)))

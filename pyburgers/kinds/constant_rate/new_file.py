@@ -60,9 +60,9 @@ class ConstantRateFile(NewFile):
     def select_columns(self, columns: Columns) -> Columns:
         """Return strain and stress, or time and stress; times beside strains show the rate."""
         found = dict(super().select_columns(columns))
-        if "strain" in found and "time" in found:
-            is_usable = found["time"].is_decided and not found["time"].is_foreign
-            found = found if is_usable else {k: one for k, one in found.items() if k != "time"}
+        time = found.get("time")
+        if "strain" in found and time is not None and (time.is_foreign or not time.is_decided):
+            del found["time"]
         return found
 
     def propose_answers(self, columns: Columns, given: Mapping[str, Any]) -> Mapping[str, Any]:

@@ -10,11 +10,7 @@ from pyburgers.common.errors import InputError
 from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.likelihood import MICROSTRUCTURE, Likelihood, grid_quantities, spread_over
-from pyburgers.kinds.loading_history.experiment import (
-    CreepInterval,
-    HistoryExperiment,
-    creep_intervals,
-)
+from pyburgers.kinds.loading_history.experiment import HistoryExperiment, creep_intervals
 from pyburgers.kinds.loading_history.stan_data import (
     grid_block,
     leg_of_times,
@@ -111,9 +107,7 @@ class HistoryLikelihood(Likelihood[HistoryExperiment]):
         }
 
     def own_priors(
-        self,
-        experiments: Sequence[HistoryExperiment | AttenuationExperiment],
-        priors: PriorSet,
+        self, experiments: Sequence[HistoryExperiment | AttenuationExperiment], priors: PriorSet
     ) -> tuple[PriorSet, ...]:
         """Return priors of each of some histories; those of tables behind them are the first's.
 
@@ -169,7 +163,12 @@ def _priors_of_readings(
 
 def _load_times(experiment: HistoryExperiment) -> FloatArray:
     """Return times inside the loads that are part of a stage, dense at the start of each."""
-    loads = [one for one in creep_intervals(experiment) if not _fills_its_stage(experiment, one)]
+    ends = [(one.start_time, one.end_time) for one in experiment.stages]
+    loads = [
+        one
+        for one in creep_intervals(experiment)
+        if (one.start_time, one.end_time) != ends[one.stage]
+    ]
     number = min(TIMES_IN_A_LOAD, MOST_TIMES_IN_LOADS // max(1, len(loads)))
     n_even = number - number // 2
     even = np.arange(1, n_even + 1) / n_even
@@ -177,11 +176,6 @@ def _load_times(experiment: HistoryExperiment) -> FloatArray:
     shape = np.union1d(np.geomspace(SHORTEST_STEP, 1.0, number // 2 + 1)[:-1], even)
     times = [load.start_time + shape * load.duration for load in loads]
     return np.concatenate([np.empty(0), *times])
-
-
-def _fills_its_stage(experiment: HistoryExperiment, load: CreepInterval) -> bool:
-    stage = experiment.stages[load.stage]
-    return (load.start_time, load.end_time) == (stage.start_time, stage.end_time)
 
 
 LIKELIHOOD = HistoryLikelihood()

@@ -48,11 +48,7 @@ HOLD_START = Question(
     key="end_time",
 )
 HELD_STRAIN = Question(
-    "held_strain",
-    "strain that is held, a fraction",
-    float,
-    example=1e-3,
-    key="strain_rate_per_s",
+    "held_strain", "strain that is held, a fraction", float, example=1e-3, key="strain_rate_per_s"
 )
 LOADING_TIME = Question(
     "loading_time",
@@ -148,7 +144,7 @@ class LoadingHistoryFile(NewFile):
         first = _hold_of(columns)
         if first is None:
             return {}
-        second = UNITS["time"][columns["time"].unit or "s"]
+        second = _second(columns)
         time, strain = _rows(columns, "time", "strain" if "strain" in columns else "time")
         if first:
             start = _end_of_loading(time, strain, first)
@@ -234,9 +230,9 @@ class LoadingHistoryFile(NewFile):
         modulus = test.columns.get("relaxation_modulus")
         if modulus is not None:
             rate, lasted = _loading(test)
-            second = UNITS["time"][test.columns["time"].unit or "s"]
+            held = abs(rate) * lasted * _second(test.columns)
             found["stress_column"], found["stress_unit"] = modulus.column, modulus.unit
-            found["relaxation_strain"] = float(f"{abs(rate) * lasted * second:.6g}")
+            found["relaxation_strain"] = float(f"{held:.6g}")
         return found
 
 
@@ -322,12 +318,12 @@ def _unread_loading(columns: Columns) -> list[str]:
     if not (time[0] > 0 and strain[0]):
         return []
     rate = float(f"{strain[0] / time[0]:.6g}")
-    return _stage("strain_rate", 0.0, _in_file(columns, time[0]), strain_rate_per_s=rate)
+    return _stage("strain_rate", 0.0, float(time[0]) / _second(columns), strain_rate_per_s=rate)
 
 
-def _in_file(columns: Columns, time: float) -> float:
-    """Return a time (s) in the unit of the column of times."""
-    return float(time) / UNITS["time"][columns["time"].unit or "s"]
+def _second(columns: Columns) -> float:
+    """Return the unit (s) of the column of times."""
+    return UNITS["time"][columns["time"].unit or "s"]
 
 
 def _turning_times(columns: Columns) -> list[float]:
@@ -338,7 +334,7 @@ def _turning_times(columns: Columns) -> list[float]:
     loads, facts = Facts(stress), Facts(strain)
     if loads.is_steady or loads.is_in_levels:
         return []
-    return [_in_file(columns, time[k]) for k in facts.turns]
+    return [float(time[k]) / _second(columns) for k in facts.turns]
 
 
 def _loading(test: Description) -> tuple[float, float]:
@@ -346,8 +342,7 @@ def _loading(test: Description) -> tuple[float, float]:
 
     Loading in no time gets a time that is short beside that to the first reading.
     """
-    values, times = test.values, test.columns["time"].numbers
-    second = UNITS["time"][test.columns["time"].unit or "s"]
+    values, times, second = test.values, test.columns["time"].numbers, _second(test.columns)
     rate, strain = values[STRAIN_RATE.name], values[HELD_STRAIN.name]
     lasted = values[LOADING_TIME.name]
     if lasted is None:

@@ -102,7 +102,9 @@ def imposed_strains(legs: Sequence[Leg]) -> FloatArray:
 
 def _legs(stage: Stage, number: int) -> list[Leg]:
     if not stage.knots:
-        start, rate = _start_and_rate(stage)
+        start, rate = stage.start_stress or 0.0, stage.value
+        if stage.control == "stress":
+            start, rate = stage.value, 0.0
         span = stage.start_time, stage.end_time
         return [Leg(stage.driven, *span, start, rate, stage.temperature, number, stage.is_force)]
     times, values = np.transpose(stage.knots)
@@ -120,13 +122,6 @@ def _legs(stage: Stage, number: int) -> list[Leg]:
         )
         for k in range(rates.size)
     ]
-
-
-def _start_and_rate(stage: Stage) -> tuple[float, float]:
-    """Value at the start and rate of a stage that is one leg."""
-    if stage.control == "stress":
-        return stage.value, 0.0
-    return stage.start_stress or 0.0, stage.value
 
 
 OWN_KEYS: Mapping[Control, tuple[str, ...]] = {

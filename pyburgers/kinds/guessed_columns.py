@@ -158,10 +158,7 @@ def guess_columns(
         if quantity not in chosen:
             guessed = _with_unit(table, column, quantity)
             candidates.setdefault(quantity, []).append((_place(guessed), guessed))
-    found = {
-        quantity: _with_unit(table, column, quantity, is_chosen=True)
-        for quantity, column in chosen.items()
-    }
+    found = {q: _with_unit(table, column, q, is_chosen=True) for q, column in chosen.items()}
     for quantity, own in candidates.items():
         own.sort(key=lambda one: one[0])
         (place, first), *others = own

@@ -137,9 +137,8 @@ class Facts:
     @cached_property
     def held_from(self) -> int:
         """First reading, from 0, from which on all stay at the last one."""
-        away = np.flatnonzero(
-            np.abs(self.values - self.values[-1]) > MAX_STEADY_RANGE * np.abs(self.values).max()
-        )
+        allowed = MAX_STEADY_RANGE * np.abs(self.values).max()
+        away = np.flatnonzero(np.abs(self.values - self.values[-1]) > allowed)
         return int(away[-1]) + 1 if away.size else 0
 
     def _range(self, start: int = 0) -> float:

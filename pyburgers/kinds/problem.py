@@ -96,9 +96,8 @@ class Problem:
     @property
     def _apparatus(self) -> dict[str, list[int]]:
         """Errors of conditions, with the first test that was made with the same apparatus."""
-        made_with = [
-            {one.parameter: one.apparatus for one in e.uncertain} for e in self.experiments
-        ]
+        uncertain = [experiment.uncertain for experiment in self.experiments]
+        made_with = [{one.parameter: one.apparatus for one in own} for own in uncertain]
         found = {}
         for name in made_with[0]:
             names = [own.get(name) for own in made_with]
@@ -230,13 +229,12 @@ def problem_of(
     largest = [experiment.largest_stress for experiment in experiments]
     _check_conditions(experiments)
     _check_environment(experiments, priors)
+    by_kind = common_likelihood(experiments).own_priors(experiments, priors)
     of_tests = tuple(
         _with_own_grains(own, experiments[0], experiment).exchanging(
             *condition_priors(experiment), *reading_error_priors(own.priors, experiment.noises)
         )
-        for experiment, own in zip(
-            experiments, common_likelihood(experiments).own_priors(experiments, priors), strict=True
-        )
+        for experiment, own in zip(experiments, by_kind, strict=True)
     )
     _check_same_free(experiments, of_tests)
     shared = pooling.of_kind("shared", of_tests[0].free)
@@ -408,10 +406,8 @@ def _check_pooling(problem: Problem) -> None:
 
 def stated_priors(experiment: Experiment) -> dict[str, Prior]:
     """Return priors of the test and its apparatus, by the parameter."""
-    return {
-        name: _normal(name, stated, "stated with the test")
-        for name, stated in experiment.stated.items()
-    }
+    source = "stated with the test"
+    return {name: _normal(name, one, source) for name, one in experiment.stated.items()}
 
 
 def condition_priors(experiment: Experiment) -> tuple[Prior, ...]:

@@ -153,10 +153,8 @@ class PlainCoordinates:
                 return values[name]
             return float(np.log(values[name])) if log_reference is None else log_reference
 
-        return np.array(
-            [self.of_quantity(k, position(name)) for k, name in enumerate(self.quantities)],
-            dtype=np.float64,
-        )
+        found = [self.of_quantity(k, position(name)) for k, name in enumerate(self.quantities)]
+        return np.array(found, dtype=np.float64)
 
     def of_quantity(self, k: int, position: npt.ArrayLike) -> FloatArray:
         """Coordinate k, of any shape, where its quantity (or its logarithm) has given values."""

@@ -146,10 +146,8 @@ class ValleyReference:
     def pin(self) -> FloatArray:
         """Rows of pins as in `stan/charts/valley/pins.stan`, shape (n_pins, 10)."""
         pins = self.pins
-        weights = [
-            pins.readings / np.maximum(pins.relative_noise, least) ** 2
-            for least in LEAST_RELATIVE_NOISE
-        ]
+        noises = np.maximum.outer(LEAST_RELATIVE_NOISE, pins.relative_noise)
+        weights = pins.readings / noises**2
         return np.column_stack(
             [
                 pins.path_strain,

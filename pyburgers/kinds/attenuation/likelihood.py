@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 
@@ -259,10 +258,8 @@ class AttenuationLikelihood(Likelihood[AttenuationExperiment]):
         self, experiments: Sequence[AttenuationExperiment], priors: Sequence[PriorSet]
     ) -> StanData:
         """Return the data of `stan/attenuation.stan` about its tables."""
-        return {
-            "stress_scale": [e.largest_stress for e in experiments],
-            **tables_block(experiments),
-        }
+        stresses = [experiment.largest_stress for experiment in experiments]
+        return {"stress_scale": stresses, **tables_block(experiments)}
 
     def grid_block(
         self, experiments: Sequence[AttenuationExperiment | None], grids: Sequence[FloatArray]
@@ -343,20 +340,16 @@ def stress_nodes(median_stress: float, amplitude: float) -> FloatArray:
     law.
     """
     ratio = median_stress / amplitude
-    edges = [-np.pi / 2, np.pi / 2]
-    if ratio < 1:
-        edges.insert(1, float(-np.arcsin(ratio)))
+    change = [-np.arcsin(ratio)] if ratio < 1 else []
+    edges = np.array([-np.pi / 2, *change, np.pi / 2])
     t = QUADRATURE_HALF_WIDTH * np.linspace(-1.0, 1.0, 2 * QUADRATURE_STEPS + 1)
     inner = 0.5 * np.pi * np.sinh(t)
     x = np.tanh(inner)
     weight = 0.5 * np.pi * np.cosh(t) / np.cosh(inner) ** 2 * (t[1] - t[0])
-    parts = [
-        (0.5 * (low + high) + 0.5 * (high - low) * x, 0.5 * (high - low) * weight)
-        for low, high in pairwise(edges)
-    ]
-    return np.concatenate(
-        [np.column_stack([np.sin(angle), 2 / np.pi * own]) for angle, own in parts]
-    )
+    middle, half = 0.5 * (edges[1:] + edges[:-1]), 0.5 * np.diff(edges)
+    angle = middle[:, np.newaxis] + np.multiply.outer(half, x)
+    weights = 2 / np.pi * np.multiply.outer(half, weight)
+    return np.column_stack([np.sin(angle).ravel(), weights.ravel()])
 
 
 def tables_block(tests: Sequence[AttenuationExperiment | None]) -> StanData:

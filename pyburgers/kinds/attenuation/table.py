@@ -173,7 +173,6 @@ def check_table(
     }
     not_negative = {
         "median stress": conditions.median_stress,
-        "amplitude": conditions.amplitude,
         "uncertainty of the attenuation": readings.tan_delta_error,
         "limit of the attenuation": readings.limit,
         "uncertainty of the modulus": readings.modulus_error,

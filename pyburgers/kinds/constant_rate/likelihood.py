@@ -117,11 +117,10 @@ class ConstantRateLikelihood(Likelihood[ConstantRateExperiment]):
         The model, the readings and their density are the same; a path strain is the strain.
         """
         times = experiment.time_at(experiment.bounds)
+        spans = zip(pairwise(times.tolist()), experiment.segments, strict=True)
         stages = tuple(
             Stage("strain_rate", start, end, experiment.temperature, segment.strain_rate)
-            for (start, end), segment in zip(
-                pairwise(times.tolist()), experiment.segments, strict=True
-            )
+            for (start, end), segment in spans
         )
         stage = experiment.reading_segment
         time = np.clip(experiment.time_at(experiment.strain), times[stage], times[stage + 1])

@@ -127,9 +127,8 @@ class ShearedChart(Chart[OscillationExperiment]):
         flow = coordinates.parameters.index(replaced)
         wanted = STRETCHED_FROM * test.data["loss_compliance"][0]
         log_rates, log_compliance = _dashpot_at_other_rates(test, flow, wanted)
-        seen_from = float(
-            np.interp(np.log(wanted), np.maximum.accumulate(log_compliance), log_rates)
-        )
+        rising = np.maximum.accumulate(log_compliance)
+        seen_from = float(np.interp(np.log(wanted), rising, log_rates))
         curvature = test.curvature()
         reference = ShearedReference(
             _flow_slope(test, flow, curvature - test.curvature(use_likelihood=0)),
@@ -212,17 +211,9 @@ def _flow_slope(
     growth = test.generated()
     # Of p ln(d/d_0); zero where the flow law or the piezometer leaves nothing to grow.
     of_growth = mode.values["grain_size_exponent"] * float(growth["typical_growth_slope"][0])
-    by_growth = (
-        by_parameter.get("critical_strain_grain_size", 0.0) / of_growth if of_growth != 0 else 0.0
-    )
-    by_exponent = by_parameter.get("grain_size_exponent", 0.0)
-    return np.array(
-        [
-            by_parameter.get("stress_exponent", 0.0),
-            by_exponent - by_growth * float(growth["typical_growth"][0]),
-            by_growth,
-        ]
-    )
+    by_n, by_p, by_strain = (by_parameter.get(name, 0.0) for name in SHIFTED_BY)
+    by_growth = by_strain / of_growth if of_growth != 0 else 0.0
+    return np.array([by_n, by_p - by_growth * float(growth["typical_growth"][0]), by_growth])
 
 
 def _derivative(coordinates: PlainCoordinates, name: str, mode: Mode) -> float:

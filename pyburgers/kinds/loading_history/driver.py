@@ -287,10 +287,8 @@ def kept_readings(
     """Return at most `n_kept` indices, with both ends, dense at `changes` (s) and in moves."""
     if time.size <= n_kept:
         return np.arange(time.size)
-    measure = np.mean(
-        [_from_0_to_1(part) for part in (time, _log_time(time, changes), _way(time, response))],
-        axis=0,
-    )
+    parts = (time, _log_time(time, changes), _way(time, response))
+    measure = np.mean([_from_0_to_1(part) for part in parts], axis=0)
 
     def nearest(n_places: int) -> IntArray:
         places = np.interp(np.linspace(0, 1, n_places), measure, np.arange(time.size))

@@ -280,10 +280,9 @@ def _used(
     used, notices = without_start(found, stages)
     if not data.is_copy:
         check_loaded(test.path, found, stages)
-        side_is_said = data.stage_column is not None
-        used, more = without_states_before(
-            used, stages, test.first_strain, test.strain_error, side_is_said=side_is_said
-        )
+        is_said = data.stage_column is not None
+        rest, stated = test.first_strain, test.strain_error
+        used, more = without_states_before(used, stages, rest, stated, side_is_said=is_said)
         notices += more
     time, stage, value = used
     if time.size == 0:

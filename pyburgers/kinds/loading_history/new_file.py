@@ -185,9 +185,8 @@ class LoadingHistoryFile(NewFile):
         Without a column of the strain a rate drives it. Where a stress falls at a strain that is
         held, the hold is asked for, and its loading.
         """
-        by_rate = given[STRESS.name] is None and HOLD_START.name in self.allowed_answers(
-            columns, given
-        )
+        allowed = self.allowed_answers(columns, given)
+        by_rate = given[STRESS.name] is None and HOLD_START.name in allowed
         if by_rate and _is_held(columns, given):
             if given[HOLD_START.name] is None:
                 return (HOLD_START.name,)
@@ -262,14 +261,10 @@ def _hold_of(columns: Columns) -> int | None:
         first += int(np.argmax(np.abs(falling[first:])))
     stress_then, strain_then = Facts(falling[first:]), Facts(strain[first:])
     is_long = time[-1] - time[first] >= MIN_HELD_SHARE * (time[-1] - time[0]) > 0
-    at_once = np.abs(np.diff(stress_then.values)).max(initial=0.0) > MAX_SHARE_AT_ONCE * np.ptp(
-        stress_then.values
-    )
-    falls = (
-        stress_then.only_falls
-        and stress_then.relative_range > MIN_FALL_RATIO * strain_then.relative_range
-        and not (first and at_once)
-    )
+    largest_step = np.abs(np.diff(stress_then.values)).max(initial=0.0)
+    at_once = largest_step > MAX_SHARE_AT_ONCE * np.ptp(stress_then.values)
+    falls_more = stress_then.relative_range > MIN_FALL_RATIO * strain_then.relative_range
+    falls = stress_then.only_falls and falls_more and not (first and at_once)
     return first if is_long and falls and np.any(strain_then.values) else None
 
 

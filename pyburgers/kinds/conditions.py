@@ -92,12 +92,8 @@ def _unlikely_flow(experiment: Experiment, priors: PriorSet) -> Iterator[str]:
     ):
         return
     drawn = _drawn_flow_law(priors)
-    log_rate = log_flow_rate(
-        drawn,
-        stress=1.0,
-        grain_size=experiment.initial_grain_size,
-        temperature=experiment.temperature,
-    )
+    at = {"grain_size": experiment.initial_grain_size, "temperature": experiment.temperature}
+    log_rate = log_flow_rate(drawn, stress=1.0, **at)
     rates = np.log([segment.strain_rate for segment in experiment.segments])
     slow, fast = ((end - log_rate) / drawn["stress_exponent"] for end in (min(rates), max(rates)))
     low, high = float(np.quantile(slow, TAIL)), float(np.quantile(fast, 1.0 - TAIL))
@@ -139,9 +135,8 @@ def _of_conditions(experiment: Experiment) -> Iterator[str]:
     yield from unlikely_grain_size(np.array([experiment.initial_grain_size]))
     yield from unlikely_temperature(material, *temperature_range(experiment))
     imposed = isinstance(experiment, HistoryExperiment) and experiment.imposed_stresses.size
-    of_stress: list[str] = []
-    if experiment.n_points or imposed:
-        of_stress += unlikely_stress(material, experiment.largest_stress)
+    known = experiment.n_points or imposed
+    of_stress = [*unlikely_stress(material, experiment.largest_stress)] if known else []
     yield from of_stress
     if isinstance(experiment, AttenuationExperiment) and experiment.readings.modulus.size:
         largest = experiment.elasticity.axial_modulus(float(experiment.readings.modulus.max()))
@@ -297,10 +292,8 @@ def _not_of_the_material(predictions: xr.Dataset, parameters: xr.Dataset) -> xr.
         for name in ("strain_offset", "apparatus_compliance")
     )
     # By values: the labels of draws differ between groups.
-    return (
-        offset.drop_vars(offset.coords)
-        + compliance.drop_vars(compliance.coords) * predictions["stress"]
-    )
+    of_apparatus = compliance.drop_vars(compliance.coords) * predictions["stress"]
+    return offset.drop_vars(offset.coords) + of_apparatus
 
 
 def conditions_of(experiment: Experiment, posterior: xr.DataTree) -> Ranges:
@@ -334,7 +327,7 @@ def outside(
         if key in acting and name not in target and any(end != taken for end in ends):
             unit, factor = SHOWN[name]
             there = f"{_range(*taken, factor)} {unit}".removeprefix("up to ").rstrip()
-            here = _range(min(low for low, _ in ends), max(high for _, high in ends), factor)
+            here = _range(*known[name], factor)
             phrases.append(f"{name} not stated and taken as {there} (fitted: {here})")
     return tuple(phrases)
 
@@ -408,8 +401,7 @@ def ranges_text(ranges: Ranges) -> str:
 
 def environment_ranges(environment: Mapping[str, float]) -> Ranges:
     """Return the values of `ENVIRONMENT` (SI) that are known as conditions."""
-    words = dict(zip(ENVIRONMENT, ENVIRONMENT_WORDS, strict=True))
-    return {words[name]: (value, value) for name, value in environment.items()}
+    return {name.replace("_", " "): (value, value) for name, value in environment.items()}
 
 
 def temperature_range(experiment: Experiment) -> tuple[float, float]:

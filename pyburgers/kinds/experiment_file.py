@@ -1,8 +1,4 @@
-"""What files of a kind hold (`Kind`), keys that all of them share, and checks of these.
-
-An experiment is a TOML file beside one or several text files of columns, or the same tables as
-arguments of a function; other keys are in the module of its kind. Everything is converted to SI.
-"""
+"""What files of a kind hold (`Kind`), keys that all of them share, and checks of these."""
 
 import re
 from collections.abc import Callable, Mapping, Sequence
@@ -305,10 +301,7 @@ UNSTATED_KIND = (
 
 @dataclass(frozen=True)
 class Kind(Generic[E]):
-    """A kind of test, as in experiment files: their keys, and what reads the tables of one.
-
-    The path is for messages, and for names of data files.
-    """
+    """A kind of test, as in experiment files: their keys, and what reads the tables of one."""
 
     structure: type[ExperimentFile]
     load: Callable[[Path, Mapping[str, Any]], E]
@@ -376,20 +369,14 @@ value."""
 
 
 def departure(read: FloatArray, imposed: FloatArray, scale: float) -> tuple[float, int] | None:
-    """Return how far readings (n,) are from what is imposed, and the first far one, from 0.
-
-    None where all are near.
-    """
+    """Return how far readings (n,) are from what is imposed, and the first far one; else None."""
     distance = np.abs(read - imposed)
     far = np.flatnonzero(distance > MAX_DEPARTURE_SHARE * scale)
     return (float(distance.max()), int(far[0])) if far.size else None
 
 
 def slope_of(time: FloatArray, values: FloatArray) -> float | None:
-    """Return the slope of the straight line through readings, None where times tell none.
-
-    Times that go back tell none either.
-    """
+    """Return the slope of the line through readings, None where times go back or are all one."""
     own = time - time.mean()
     spread = float(own @ own)
     if spread == 0 or (np.diff(time) < 0).any():

@@ -273,10 +273,7 @@ def first_of_tests(
 
 
 def sorted_by_time(columns: Mapping[str, GuessedColumn]) -> Mapping[str, GuessedColumn]:
-    """Return columns in the order of a time that goes back, with strains that grow.
-
-    Which way a strain goes is then not told by the rows.
-    """
+    """Return columns in the order of a time that goes back; strains grow, as rows tell no way."""
     time = columns.get("time")
     if time is None or not time.goes_back.size:
         return columns

@@ -1,12 +1,4 @@
-"""Every kind of test by its name, its files, and what a fit and a solution of any kind have.
-
-To add a kind, add its name to `pyburgers.kinds.likelihood.NAMES`, and a folder with the modules
-
-- ``experiment``: a class derived from `Experiment`
-- ``files``: ``KIND``, `pyburgers.kinds.experiment_file.Kind`
-- ``likelihood``: ``LIKELIHOOD``, `pyburgers.kinds.likelihood.Likelihood`
-- ``new_file``: ``NEW_FILE``, `pyburgers.kinds.new_file.NewFile`
-"""
+"""Every kind of test by its name, its files, and what a fit and a solution of any kind have."""
 
 import typing
 from collections.abc import Mapping

@@ -1,7 +1,4 @@
-"""What the sampler asks of a kind of test, and every kind's answer, joined to the kind by its name.
-
-A kind has one object ``LIKELIHOOD`` (`Likelihood`) in the module ``likelihood`` of its folder.
-"""
+"""What the sampler asks of a kind of test, and the answer in the folder of each kind."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
@@ -84,10 +81,7 @@ class Chart(ABC, Generic[E]):
 
     @abstractmethod
     def block(self, references: Sequence[Any], layout: Layout) -> StanData:
-        """Return the data of the chart, given what tests are set up with; none: plain coordinates.
-
-        `pyburgers.kinds.program_data.chart_block` adds what all charts have in common.
-        """
+        """Return the data of the chart, given what tests are set up with; none: it is not used."""
 
 
 MICROSTRUCTURE = ("grain_size", "fabric_factor", "grain_size_softening", "fabric_softening")

@@ -1,8 +1,4 @@
-"""Experiment files as a person would write them, keys with comments: what all kinds of test share.
-
-What the file of a kind of test has of its own says ``NEW_FILE`` in the module ``new_file`` of its
-folder.
-"""
+"""Experiment files as a person would write them, keys with comments: what all kinds share."""
 
 import itertools
 import json

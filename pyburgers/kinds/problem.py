@@ -284,10 +284,7 @@ def plain_quantity(prior: Prior) -> tuple[float, float, float, float]:
 
 
 def replaced_by_flow(priors: PriorSet, names: Sequence[str]) -> str | None:
-    """Return the first parameter that may follow from a point of the flow law: free, not cut.
-
-    Two finite bounds of a parameter would cut the point obliquely.
-    """
+    """Return the first free parameter without two bounds, which would cut a flow law's point."""
     for name in names:
         prior = priors[name]
         if not prior.is_fixed and np.isinf([prior.lower, prior.upper]).any():

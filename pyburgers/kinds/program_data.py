@@ -1,8 +1,4 @@
-"""Tests, priors and solver options -> the data dictionary of the Stan program of their protocol.
-
-One function for one to many tests. What depends on the protocol comes from its object; index
-tables of parameters and coordinates (`stan/data/coordinates.stan`) are made here.
-"""
+"""Tests, priors and solver options -> the data dictionary of the Stan program of their protocol."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -254,11 +250,7 @@ def solve(
     program: Program | None = None,
     sections: Sequence[MeasuredMicrostructure] = (),
 ) -> dict[str, FloatArray]:
-    """Solve the model once and return every generated quantity of the Stan program.
-
-    Arrays ``grid_*`` (n,), the positions as ``grid_CLOCK``, ``log_reference`` (1,): ln of the
-    reference stress (Pa) or flow rate (1/s). Raise SamplingError if the solver finds no solution.
-    """
+    """Solve the model once; return generated quantities, and the positions as ``grid_CLOCK``."""
     priors = given_parameters(experiment.material, values)
     likelihood = likelihood_of(experiment)
     bare = replace(experiment.to_be_solved(), microstructure=tuple(sections))

@@ -25,11 +25,7 @@ def has_both(experiments: Sequence[Experiment]) -> bool:
 def pooling_for(
     experiments: Sequence[Experiment], options: Mapping[str, str] | None = None
 ) -> Pooling:
-    """Return how tests are pooled where it is not said otherwise; one test shares with nobody.
-
-    Beside tables E_M is separate, and so is what one test alone has and is partially pooled
-    elsewhere.
-    """
+    """Return how tests are pooled where it is not said otherwise; one test shares with nobody."""
     if len(experiments) == 1:
         if options:
             raise InputError(
@@ -40,6 +36,7 @@ def pooling_for(
     if not has_both(experiments) or ALL in options:
         return pooling_of(options)
     defaults = dict(WITH_TABLES)
+    # What is partially pooled elsewhere is separate where one test alone has it.
     if sum(one.protocol != TABLES for one in experiments) == 1:
         partial = pooling_of().spread_scales
         defaults |= dict.fromkeys(partial, "separate")

@@ -263,11 +263,7 @@ def middle_of_rise(time: FloatArray, stress: FloatArray, elastic_rate: float) ->
 def noise_exponents(
     coordinates: PlainCoordinates, priors: PriorSet, covariance: FloatArray, names: Iterable[str]
 ) -> FloatArray:
-    """Power of the noise with which the posterior width of each coordinate grows, (n_coordinates,).
-
-    1 - posterior variance/prior variance, by the Laplace approximation, for some names; 0 for
-    others.
-    """
+    """Power of the noise by which widths grow: for some names 1 - posterior/prior variance."""
     rng = np.random.default_rng(0)
     exponents = np.zeros(len(coordinates.quantities))
     for name in (one for one in names if one in coordinates.quantities):

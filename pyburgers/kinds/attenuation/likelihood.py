@@ -77,22 +77,18 @@ class StretchedChart(Chart[AttenuationExperiment]):
         coordinates = test.coordinates
         if coordinates.replaced_parameter is None:
             raise ChartUnsuited("neither Q_M nor beta leaves its place to the flow rate")
-        for k, name in enumerate(coordinates.parameters):
-            if name in POSITIVE and not (
-                coordinates.lower[k] == 0 and np.isinf(coordinates.upper[k])
-            ):
+        is_positive = (coordinates.lower == 0) & np.isinf(coordinates.upper)
+        for name, is_suited in zip(coordinates.parameters, is_positive, strict=True):
+            if name in POSITIVE and not is_suited:
                 raise ChartUnsuited(f"the prior of {name} is not on all positive numbers")
         reference = _with_units(test, _reference(test))
         return reference, _at_mode(test, reference)
 
     def block(self, references: Sequence[StretchedReference], layout: Layout) -> StanData:
         """Return the block `stan/data/stretched.stan`."""
-        if not references:
-            n = len(layout.names)
-            references = [
-                StretchedReference(0.0, 0.0, 1.0, 0.0, np.ones(n), np.zeros(n))
-            ] * layout.n_tests
-        return _block(references, layout.own)
+        n = len(layout.names)
+        plain = StretchedReference(0.0, 0.0, 1.0, 0.0, np.ones(n), np.zeros(n))
+        return _block(references or [plain] * layout.n_tests, layout.own)
 
 
 def _block(

@@ -77,9 +77,8 @@ class AttenuationFile(NewFile):
         found = super().select_columns(columns)
         attenuation = found.get("attenuation")
         needless = {"frequency"} if "period" in found else set()
-        if {"storage_modulus", "loss_modulus"} <= found.keys() and (
-            attenuation is None or attenuation.is_foreign
-        ):
+        is_unread = attenuation is None or attenuation.is_foreign
+        if is_unread and {"storage_modulus", "loss_modulus"} <= found.keys():
             needless |= {"attenuation", "attenuation_uncertainty", "modulus", "modulus_uncertainty"}
         else:
             needless |= {"loss_modulus"} | ({"storage_modulus"} if "modulus" in found else set())

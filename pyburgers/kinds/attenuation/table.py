@@ -1,7 +1,4 @@
-"""Tables of attenuation and modulus in SI units: conditions of every row, what was read there.
-
-Rows are read in one of several forms, or listed as spectra that can only be simulated.
-"""
+"""Tables of attenuation and modulus in SI units: conditions of every row, what was read there."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields

@@ -1,8 +1,4 @@
-"""How tests at an oscillating strain rate are sampled, and their sheared coordinates.
-
-The coordinates (`stan/charts/sheared.stan`) come from the posterior mode and the curvature there.
-Only the speed of a run depends on them, not its result.
-"""
+"""How tests at an oscillating strain rate are sampled, and their sheared coordinates."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields

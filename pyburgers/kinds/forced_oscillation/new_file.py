@@ -46,11 +46,9 @@ class ForcedOscillationFile(NewFile):
 
     def recognise(self, columns: Columns) -> str | None:
         """Return that the strain oscillates."""
-        if {"time", "strain", "stress"} <= columns.keys() and facts_of(
-            columns["strain"]
-        ).oscillates:
-            return "the strain goes back and forth"
-        return None
+        is_complete = {"time", "strain", "stress"} <= columns.keys()
+        oscillates = is_complete and facts_of(columns["strain"]).oscillates
+        return "the strain goes back and forth" if oscillates else None
 
     def allowed_answers(self, columns: Columns, given: Mapping[str, Any]) -> Collection[str]:
         """Return the errors that are not read."""

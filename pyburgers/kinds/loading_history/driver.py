@@ -75,11 +75,7 @@ def scatter(time: FloatArray, value: FloatArray) -> float:
 
 
 def reading_error(time: FloatArray, value: FloatArray) -> float:
-    """Return the standard deviation of independent errors of a series (n,), as far as it can tell.
-
-    Their scatter, unless corners may be what scatters: of few readings, or where they turn unlike
-    noise.
-    """
+    """Return the standard deviation of readings (n,) by their scatter, unless corners scatter."""
     if time.size < MIN_ERROR_READINGS:
         return 0.0
     error, span = scatter(time, value), float(np.ptp(value))

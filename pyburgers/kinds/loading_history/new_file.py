@@ -333,16 +333,13 @@ def _turning_times(columns: Columns) -> list[float]:
 
 
 def _loading(test: Description) -> tuple[float, float]:
-    """Return rate (1/s) and duration (in the unit of times) of the loading ahead of a hold.
-
-    Loading in no time gets a time that is short beside that to the first reading.
-    """
+    """Return rate (1/s) and duration (in the unit of times), never 0, of the loading of a hold."""
     values, times, second = test.values, test.columns["time"].numbers, _second(test.columns)
     rate, strain = values[STRAIN_RATE.name], values[HELD_STRAIN.name]
     lasted = values[LOADING_TIME.name]
     if lasted is None:
         return rate, abs(strain / rate) / second
-    if lasted == 0:
+    if lasted == 0:  # short beside the time to the first reading
         behind = times[times > values[HOLD_START.name]]
         lasted = JUMP_DURATION_SHARE * float(behind.min() - values[HOLD_START.name])
     return rate if strain is None else strain / (lasted * second), lasted

@@ -251,10 +251,7 @@ def _independent_readings(time: FloatArray, values: Mapping[str, float]) -> floa
 def _loading_time(
     experiment: HistoryExperiment, curve: _Curve, values: Mapping[str, float]
 ) -> float:
-    """Time (s) under a growing stress in which both springs give together.
-
-    Under a jump of the stress it is twice the time of the first reading.
-    """
+    """Time (s) of the elastic rise; under a jump of the stress twice that to the first reading."""
     first: Leg = experiment.legs[0]
     if first.driven == "stress":
         return 2 * float(experiment.time[experiment.time > 0].min())

@@ -167,6 +167,9 @@ def read_together(*values: FloatArray) -> tuple[FloatArray, ...]:
     return tuple(own[there] for own in values)
 
 
+NAMED_SEPARATORS = {sign: name for name, sign in SEPARATORS.items()}
+
+
 COMMENTS_AT = 36
 """Column at which comments start."""
 
@@ -386,10 +389,9 @@ def _toml(value: object) -> str:
 def _data_values(test: Description) -> dict[str, object]:
     """Return the text file, its layout where it is not as by default, and its columns and units."""
     separator = test.table.separator
-    names = {sign: name for name, sign in SEPARATORS.items()}
     found: dict[str, object] = {
         "file": test.file,
-        "separator": None if separator == "," else names.get(separator, separator),
+        "separator": None if separator == "," else NAMED_SEPARATORS.get(separator, separator),
         "header": False if test.table.names is None else None,
     }
     for quantity, guessed in test.columns.items():

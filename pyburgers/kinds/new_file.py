@@ -70,11 +70,8 @@ class Facts:
     def only_falls(self) -> bool:
         """Whether the first is the largest by size and they fall without a turning point."""
         sizes = np.abs(self.values)
-        return (
-            sizes[0] > sizes[-1]
-            and sizes[0] >= (1 - MAX_STEADY_RANGE) * sizes.max()
-            and not self.turns
-        )
+        first_is_largest = sizes[0] >= (1 - MAX_STEADY_RANGE) * sizes.max()
+        return sizes[0] > sizes[-1] and first_is_largest and not self.turns
 
     @cached_property
     def turns(self) -> tuple[int, ...]:
@@ -101,14 +98,10 @@ class Facts:
         gaps = np.flatnonzero(np.diff(ordered) > MIN_LEVEL_GAP * self._range())
         levels = [one for one in np.split(ordered, gaps + 1) if one.size >= MIN_LEVEL_READINGS]
         widest = max((float(np.ptp(one)) for one in levels), default=0.0)
-        return (
-            len(levels) > 1
-            and all(
-                low[-1] + MIN_LEVEL_DISTANCE * widest < high[0]
-                for low, high in itertools.pairwise(levels)
-            )
-            and sum(one.size for one in levels) >= MIN_LEVELS_SHARE * ordered.size
-        )
+        pairs = itertools.pairwise(levels)
+        are_apart = all(low[-1] + MIN_LEVEL_DISTANCE * widest < high[0] for low, high in pairs)
+        n_readings = sum(one.size for one in levels)
+        return len(levels) > 1 and are_apart and n_readings >= MIN_LEVELS_SHARE * ordered.size
 
     @property
     def _is_in_flat_runs(self) -> bool:

@@ -43,10 +43,8 @@ def _clipped(values: FloatArray, what: str) -> list[str]:
     among_largest = is_largest[1:] & is_largest[:-1]
     ends = np.flatnonzero(np.diff(np.concatenate([[0], same & among_largest, [0]])))
     longest = 1 + int(np.max(np.diff(ends)[::2], initial=0))
-    if (
-        not MIN_CLIPPED <= longest < values.size
-        or np.sum(same & ~among_largest) > MAX_EQUAL_SHARE * values.size
-    ):
+    are_steps = np.sum(same & ~among_largest) > MAX_EQUAL_SHARE * values.size
+    if are_steps or not MIN_CLIPPED <= longest < values.size:
         return []
     return [
         f"{longest} readings of {what} in a row are exactly {values[is_largest.argmax()]:g}, the "

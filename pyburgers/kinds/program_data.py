@@ -188,8 +188,8 @@ def _as_solved(priors: PriorSet, experiment: Experiment) -> PriorSet:
 
 def _coordinate_block(problem: Problem, layout: Layout) -> StanData:
     """Return the block `stan/data/coordinates.stan` but for what a chart says."""
-    plain = problem.coordinates
-    own = layout.own
+    plain, own = problem.coordinates, layout.own
+    shared = [layout.names.index(name) for name in layout.shared]
     parameters = [[PLACE[layout.names[i]] for i in places] for places in own]
     place = np.zeros((layout.n_tests, len(PROGRAM_PARAMETERS)), dtype=np.int64)
     for row, found in zip(place, parameters, strict=True):
@@ -201,10 +201,7 @@ def _coordinate_block(problem: Problem, layout: Layout) -> StanData:
         "unit": [1.0] * layout.size,
         "n_shared": len(layout.shared),
         "shared_parameter": [PLACE[name] for name in layout.shared],
-        "shared_from": [
-            [int(row[layout.names.index(name)]) + 1 for name in layout.shared]
-            for row in layout.source
-        ],
+        "shared_from": (layout.source[:, shared] + 1).tolist(),
         "own_end": ends(len(places) for places in own),
         "own_parameter": list(chain.from_iterable(parameters)),
         "own_position": [
@@ -229,16 +226,9 @@ def _coordinate_block(problem: Problem, layout: Layout) -> StanData:
 def given_parameters(material: str, values: Mapping[str, float]) -> PriorSet:
     """Return priors that fix every parameter at SI values; a stress noise that is missing is 1."""
     known = {"stress_noise": 1.0, **values}  # a solution has no noise
-    return PriorSet(
-        material=material,
-        title="given parameters",
-        priors={
-            p.name: fixed_prior(p, known[p.name], "given")
-            for p in PROGRAM_PARAMETERS
-            if p.name in known
-        },
-        name="given",
-    )
+    parameters = [p for p in PROGRAM_PARAMETERS if p.name in known]
+    priors = {p.name: fixed_prior(p, known[p.name], "given") for p in parameters}
+    return PriorSet(material=material, title="given parameters", priors=priors, name="given")
 
 
 def solve(

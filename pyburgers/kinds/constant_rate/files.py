@@ -1,7 +1,7 @@
 """Files of tests at constant rate: keys, readings put in order, and such tests simulated."""
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -204,22 +204,21 @@ def join_curves(
     return strain, stress, notices
 
 
-def _dropped(name: str, at_rest: FloatArray, largest: float) -> list[str]:
+def _dropped(name: str, at_rest: FloatArray, largest: float) -> Iterator[str]:
     """Say that points at zero strain are left out, and what their stresses (n,) may be; all Pa."""
     size = float(np.abs(at_rest).max())
     how_large = f", of up to {size / 1e6:.4g} MPa" if size > MAX_ZERO_SHARE * largest else ""
-    told = [
+    yield (
         f"{name}: dropped {count_points(at_rest.size)} at zero strain{how_large}: the model is at "
         "rest there, without stress."
-    ]
+    )
     if size > MAX_UNLOADED_SHARE * largest:
-        told.append(
+        yield (
             f"{name}: {size / 1e6:.4g} MPa at zero strain is {100 * size / largest:.0f} % of the "
             "largest stress: an offset of the load cell, a pre-load or a total stress. "
             "Subtract an offset or a confining pressure from all stresses; a pre-load is a stage "
             "of its own in a loading_history."
         )
-    return told
 
 
 def unlike_rates(

@@ -137,10 +137,7 @@ class HistoryExperiment(Experiment):
     @property
     def stated(self) -> Mapping[str, Stated]:
         """Compliance of the apparatus and zero of the strain, where the file states them."""
-        stated = {
-            "apparatus_compliance": self.apparatus_compliance,
-            "strain_offset": self.strain_offset,
-        }
+        stated = {name: getattr(self, name) for name in ("apparatus_compliance", "strain_offset")}
         return {name: one for name, one in stated.items() if one is not None}
 
     @property

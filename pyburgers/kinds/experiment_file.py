@@ -1,5 +1,6 @@
 """What files of a kind hold (`Kind`), keys that all of them share, and checks of these."""
 
+# ruff: noqa: N815 - keys of files end in their units
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -56,9 +57,9 @@ class ExperimentFile(Table):
     id: str = Field(description="the sample's name")
     material: Material
     protocol: str = Field(description="the kind of test")
-    temperature_K: float = Field(description="the temperature in kelvin")  # noqa: N815 (the key of the file, K for kelvin)
+    temperature_K: float = Field(description="the temperature in kelvin")
     initial_grain_size_m: float = Field(description="the mean grain size at the start in metres")
-    temperature_sd_K: float | None = Field(  # noqa: N815
+    temperature_sd_K: float | None = Field(
         None, gt=0, description="the standard deviation of the temperature's error in kelvin"
     )
     furnace: str | None = Field(
@@ -70,12 +71,8 @@ class ExperimentFile(Table):
     load_cell: str | None = Field(
         None, min_length=1, description="the load cell whose calibration is uncertain"
     )
-    pressure_Pa: float | None = Field(  # noqa: N815 (the key of the file, Pa for pascal)
-        None, ge=0, description="the pressure in pascals"
-    )
-    water_fugacity_Pa: float | None = Field(  # noqa: N815 (the same)
-        None, gt=0, description="the water fugacity in pascals"
-    )
+    pressure_Pa: float | None = Field(None, ge=0, description="the pressure in pascals")
+    water_fugacity_Pa: float | None = Field(None, gt=0, description="the water fugacity in pascals")
     melt_fraction: float | None = Field(None, ge=0, lt=1, description="the melt fraction")
     notices: list[str] = Field(
         default_factory=list, description="remarks of an earlier reading of the same data"

@@ -59,7 +59,6 @@ def tests_block(experiments: Sequence[HistoryOrTable], priors: Sequence[PriorSet
     """Return the blocks `stan/data/loading_history.stan` and `stan/data/attenuation.stan`."""
     entries = [_entries(e, own) for e, own in zip(experiments, priors, strict=True)]
     measured = [e.microstructure for e in experiments]
-    histories, tables = _by_kind(experiments)
     return {
         **joined(entries),
         "leg_end": ends(len(own["leg"]) for own in entries),
@@ -71,8 +70,8 @@ def tests_block(experiments: Sequence[HistoryOrTable], priors: Sequence[PriorSet
         "measured": measured_block(measured),
         "reference_stress_rate": [0.0] * len(experiments),
         **residuals_block(experiments, priors),
-        **elements_block(list(zip(histories, priors, strict=True))),
-        **tables_block(tables),
+        **elements_block(list(zip(experiments, priors, strict=True))),
+        **tables_block(_tables(experiments)),
     }
 
 
@@ -92,18 +91,13 @@ def grid_block(experiments: Sequence[HistoryOrTable], grids: Sequence[FloatArray
     return {
         **joined(entries),
         "grid_end": ends(len(own["grid_position"]) for own in entries),
-        **TABLES.grid_block(_by_kind(experiments)[1], grids),
+        **TABLES.grid_block(_tables(experiments), grids),
     }
 
 
-def _by_kind(
-    experiments: Sequence[HistoryOrTable],
-) -> tuple[list[HistoryExperiment | None], list[AttenuationExperiment | None]]:
-    """Return the histories and the tables, each as long as the tests, with None for the others."""
-    return (
-        [one if isinstance(one, HistoryExperiment) else None for one in experiments],
-        [one if isinstance(one, AttenuationExperiment) else None for one in experiments],
-    )
+def _tables(experiments: Sequence[HistoryOrTable]) -> list[AttenuationExperiment | None]:
+    """Return the tables, as many as the tests, with None for the others."""
+    return [one if isinstance(one, AttenuationExperiment) else None for one in experiments]
 
 
 def _entries(test: HistoryOrTable, priors: PriorSet) -> StanData:
@@ -271,14 +265,15 @@ START_OF_IMAGINED = 1e-3
 """Shortest time that counts of a stage without readings, over its duration."""
 
 
-def elements_block(tests: Sequence[tuple[HistoryExperiment | None, PriorSet]]) -> StanData:
-    """Return part of the law, place in it and weight of each element; None: a table."""
+def elements_block(tests: Sequence[tuple[HistoryOrTable | None, PriorSet]]) -> StanData:
+    """Return part of the law, place in it and weight of each element."""
     names = {name for times in RELAXATION_TIMES for name in (times.switch, times.width) if name}
     largest = {name: max(_largest(own[name]) for _, own in tests) for name in names}
     log_times = None
     if any(largest[times.switch] for times in RELAXATION_TIMES if times.spread == "endless"):
-        ends = [_log_times(test, own) for test, own in tests if test is not None]
-        log_times = min(start for start, _ in ends), max(end for _, end in ends)
+        histories = ((test, own) for test, own in tests if isinstance(test, HistoryExperiment))
+        starts, ends = zip(*(_log_times(test, own) for test, own in histories), strict=True)
+        log_times = min(starts), max(ends)
     rows = element_rows(largest, ELEMENT_ERROR, log_times)
     return {"n_elements": len(rows), "element": rows}
 

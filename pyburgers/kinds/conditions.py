@@ -67,14 +67,12 @@ def prior_doubts(priors: PriorSet, tests: Sequence[Experiment]) -> tuple[str, ..
 
 def tell_doubts(*inputs: tuple[PriorSet, Sequence[Experiment]]) -> None:
     """Note what tests and their priors say, each sentence once."""
-    tell_notes(
-        sentence
-        for priors, tests in inputs
-        for sentence in (
-            *(one for test in tests for one in (*test.notices, *doubts(test))),
-            *prior_doubts(priors, tests),
-        )
-    )
+    sentences: list[str] = []
+    for priors, tests in inputs:
+        for test in tests:
+            sentences += (*test.notices, *doubts(test))
+        sentences += prior_doubts(priors, tests)
+    tell_notes(sentences)
 
 
 def _unlikely_flow(experiment: Experiment, priors: PriorSet) -> Iterator[str]:

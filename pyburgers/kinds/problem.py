@@ -122,13 +122,8 @@ class Problem:
     @cached_property
     def layout(self) -> Layout:
         """Which coordinate stands for what."""
-        return layout_of(
-            self.free,
-            len(self.experiments),
-            self.pooling,
-            [experiment.n_driving_errors for experiment in self.experiments],
-            self._sources,
-        )
+        n_errors = [experiment.n_driving_errors for experiment in self.experiments]
+        return layout_of(self.free, len(n_errors), self.pooling, n_errors, self._sources)
 
     @property
     def is_single(self) -> bool:

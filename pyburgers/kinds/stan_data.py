@@ -263,14 +263,6 @@ def layout_of(
         [i for i, name in enumerate(names) if name not in partial and row[i] == test]
         for test, row in enumerate(source)
     )
-    return Layout(
-        tuple(names),
-        position,
-        source,
-        shared,
-        partial,
-        centre,
-        centre + len(partial),
-        tuple(np.arange(start, end) for start, end in pairwise(ends)),
-        own,
-    )
+    errors = tuple(np.arange(start, end) for start, end in pairwise(ends))
+    spread = centre + len(partial)
+    return Layout(tuple(names), position, source, shared, partial, centre, spread, errors, own)

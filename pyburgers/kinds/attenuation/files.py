@@ -132,14 +132,13 @@ def load_attenuation(path: Path, tables: Mapping[str, Any] | None = None) -> Att
         lambda: _elasticity(path, file.attenuation),
         lambda: _table(path, file),
     )
+    notices = (*file.notices, *notes, *_notices(conditions, readings, elasticity))
     return AttenuationExperiment(
         **values,
         conditions=conditions.ordered(conditions.rows_in_order),
         readings=readings.ordered(conditions.rows_in_order),
         elasticity=elasticity,
-        notices=tuple(
-            dict.fromkeys([*file.notices, *notes, *_notices(conditions, readings, elasticity)])
-        ),
+        notices=tuple(dict.fromkeys(notices)),
     )
 
 

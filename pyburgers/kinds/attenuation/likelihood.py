@@ -136,14 +136,9 @@ def _reference(test: AtMode[AttenuationExperiment]) -> StretchedReference:
     log_asked = max(log_rate, log_small)
     variance = np.linalg.inv(test.curvature(use_likelihood=0))[flow, flow]
     prior_width = float(test.coordinates.scale[flow] * np.sqrt(variance)) if variance > 0 else WIDE
-    asked = StretchedReference(
-        log_asked,
-        float(np.exp(log_rate - log_asked)),
-        max(1.0, prior_width),
-        float(at_mode["log_middle_time"][0]),
-        np.ones(n),
-        np.zeros(n),
-    )
+    rate, width = float(np.exp(log_rate - log_asked)), max(1.0, prior_width)
+    middle = float(at_mode["log_middle_time"][0])
+    asked = StretchedReference(log_asked, rate, width, middle, np.ones(n), np.zeros(n))
     position = _at_mode(test, asked)
     position[flow] = 1.0  # of the rate that is asked about
     curvature = _precision(test, asked, position)

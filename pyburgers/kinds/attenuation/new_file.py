@@ -70,10 +70,7 @@ class AttenuationFile(NewFile):
         return "there are periods or frequencies alone" if has_periods and is_no_curve else None
 
     def select_columns(self, columns: Columns) -> Columns:
-        """Return what there is of a table, each quantity once.
-
-        The period goes before the frequency, tan delta before two moduli, |M| before M'.
-        """
+        """Return quantities once: the period goes first, tan delta before moduli, |M| before M'."""
         found = super().select_columns(columns)
         attenuation = found.get("attenuation")
         needless = {"frequency"} if "period" in found else set()

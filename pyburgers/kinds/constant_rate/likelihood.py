@@ -112,10 +112,7 @@ class ConstantRateLikelihood(Likelihood[ConstantRateExperiment]):
         }
 
     def as_history(self, experiment: ConstantRateExperiment) -> HistoryExperiment:
-        """Return the test as stages of constant rate.
-
-        The model, the readings and their density are the same; a path strain is the strain.
-        """
+        """Return the test as stages with the same readings and density; path strain is strain."""
         times = experiment.time_at(experiment.bounds)
         spans = zip(pairwise(times.tolist()), experiment.segments, strict=True)
         stages = tuple(

@@ -117,23 +117,18 @@ def load_forced_oscillation(
         lambda: _read_series(path, data, "stress"),
     )
     record = OscillationRecord(*strain_columns, *stress_columns)
-    wanted = OscillationSettings(
-        period=file.oscillation.period_s,
-        strain_trend_degree=file.oscillation.strain_trend_degree,
-        stress_trend_degree=file.oscillation.stress_trend_degree,
-        background=file.oscillation.background,
-        start_stress=file.oscillation.start_stress_Pa,
-    )
+    table = file.oscillation
+    degrees = table.strain_trend_degree, table.stress_trend_degree
+    wanted = OscillationSettings(table.period_s, *degrees, table.background, table.start_stress_Pa)
     prepared = prepare(record, wanted, str(path))
+    notices = (*file.notices, *strain_notes, *stress_notes, *prepared.notices)
     return OscillationExperiment(
         **values,
         record=record,
         settings=prepared.settings,
         prepared=prepared,
-        spin_up_cycles=file.oscillation.spin_up_cycles,
-        notices=tuple(
-            dict.fromkeys([*file.notices, *strain_notes, *stress_notes, *prepared.notices])
-        ),
+        spin_up_cycles=table.spin_up_cycles,
+        notices=tuple(dict.fromkeys(notices)),
     )
 
 

@@ -225,11 +225,8 @@ def _least_squares(
 def choose_degree(
     time: FloatArray, value: FloatArray, *, period: float, uncertainty: FloatArray
 ) -> int:
-    """Choose the degree of the trend, up to `MAX_DEGREE`, by the Bayesian information criterion.
-
-    The degree is below twice the number of cycles: a trend that turns as often could be the
-    oscillation.
-    """
+    """Choose the degree of the trend, up to `MAX_DEGREE`, by the Bayesian information criterion."""
+    # Below twice the number of cycles: a trend that turns as often could be the oscillation.
     cycles = (time[-1] - time[0]) / period
     spare = time.size - 2 - 2 * N_HARMONICS
     largest = max(0, min(MAX_DEGREE, int(2.0 * cycles) - 1, spare))

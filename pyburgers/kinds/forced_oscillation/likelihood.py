@@ -126,13 +126,11 @@ class ShearedChart(Chart[OscillationExperiment]):
         rising = np.maximum.accumulate(log_compliance)
         seen_from = float(np.interp(np.log(wanted), rising, log_rates))
         curvature = test.curvature()
-        reference = ShearedReference(
-            _flow_slope(test, flow, curvature - test.curvature(use_likelihood=0)),
-            np.array([test.mode.values[name] for name in SHIFTED_BY]),
-            max(seen_from, _log_width(test, flow, curvature)),
-            float(log_rates[0]),
-            log_compliance,
-        )
+        slope = _flow_slope(test, flow, curvature - test.curvature(use_likelihood=0))
+        at_mode = np.array([test.mode.values[name] for name in SHIFTED_BY])
+        scale = max(seen_from, _log_width(test, flow, curvature))
+        first = float(log_rates[0])
+        reference = ShearedReference(slope, at_mode, scale, first, log_compliance)
         shifted = test.generated(**shifts_block([reference]))
         return reference, np.atleast_1d(shifted["sheared_coordinate"])
 

@@ -53,10 +53,9 @@ ARE_USED = "readings are used ('max_readings')"
 
 
 def distances_from_neighbours(at: FloatArray, value: FloatArray) -> FloatArray:
-    """Distance of each reading (..., n) from the line through its two neighbours.
+    """Distance of each reading (..., n) from the line through its two neighbours, scaled to errors.
 
-    Positions (n,) do not decrease. Readings between two at one position are left out. Independent
-    errors of readings make distances with their own standard deviation.
+    Positions (n,) do not decrease. Readings between two at one position are left out.
     """
     span = at[2:] - at[:-2]
     kept = span > 0

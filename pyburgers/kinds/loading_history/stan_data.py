@@ -221,10 +221,8 @@ def solver_outputs(experiment: HistoryExperiment, sections: Sequence[float | Non
 
 
 def leg_of_times(experiment: HistoryExperiment, time: FloatArray) -> IntArray:
-    """Return the leg, from 0, of times (s) that do not decrease.
-
-    Of equal times at which two legs meet the first is in the leg that ends there.
-    """
+    """Return the leg, from 0, of times (s) that do not decrease."""
+    # Of equal times at which two legs meet the first is in the leg that ends there.
     inner = np.array([leg.end_time for leg in experiment.legs[:-1]])
     leg = np.searchsorted(inner, time, side="left")
     repeated = np.diff(time, prepend=-1.0) == 0

@@ -71,12 +71,24 @@ class Fit(SampledFit):
 
     @property
     def experiment(self) -> Experiment:
-        """The one test of the fit; a joint fit has none and raises InputError."""
+        """The one test of the fit.
+
+        Raises
+        ------
+        InputError
+            If it is a joint fit.
+        """
         return self.problem.experiments[self._only_test()]
 
     @property
     def priors(self) -> PriorSet:
-        """Priors of the one test in SI, the noise scale resolved; see `experiment`."""
+        """Priors of the test in SI, the noise scale resolved.
+
+        Raises
+        ------
+        InputError
+            If it is a joint fit.
+        """
         return self.problem.priors[self._only_test()]
 
     @property
@@ -96,7 +108,13 @@ class Fit(SampledFit):
 
     @cached_property
     def fitted_conditions(self) -> tuple[Ranges, ...]:
-        """Conditions that each fitted test passed, also of tests that this is no result for."""
+        """Conditions that each fitted test passed, also of tests that this is no result for.
+
+        Examples
+        --------
+        >>> sorted(fit.fitted_conditions[0])
+        ['initial grain size', 'strain', 'strain rate', 'stress', 'temperature']
+        """
         if self.whole is not None:
             return self.whole.fitted_conditions
         tests = self.tests().values()
@@ -145,7 +163,12 @@ class Fit(SampledFit):
 
     @cached_property
     def prior_doubts(self) -> tuple[str, ...]:
-        """What is unlikely about the priors, of a joint fit about those of all tests."""
+        """What is unlikely about the priors, of a joint fit about those of all tests.
+
+        Examples
+        --------
+        >>> sentences = fit.prior_doubts
+        """
         problem = (self.whole or self).problem
         return prior_doubts(problem.given_priors, problem.experiments)
 
@@ -193,9 +216,12 @@ class Fit(SampledFit):
         new_sample: bool = False,
         seed: int = 1,
     ) -> Prediction:
-        """Predict another test from the draws.
+        """Predict another test from the draws (`pyburgers.fitting.prediction`).
 
-        `pyburgers.fitting.prediction.predict_test` describes the arguments, and what is raised.
+        Parameters
+        ----------
+        experiment, draws, separate_from, new_sample, seed
+            As for `pyburgers.fitting.prediction.predict_test`, which says what is raised.
 
         Examples
         --------
@@ -219,13 +245,25 @@ class Fit(SampledFit):
         return prior_groups(self.experiment, self.priors, draws, seed)
 
     def report(self, path: str | Path, *, title: str | None = None) -> Path:
-        """Write a page about the fit, with a heading; return its path.
+        """Write a page about the fit.
 
         Parameters
         ----------
         path : path
             A file that ends in ``.html``, with a folder of tables and figures beside it; or a
-            folder. It is an InputError if the folder cannot be written or holds something else.
+            folder.
+        title : str, optional
+            Heading of the page.
+
+        Returns
+        -------
+        Path
+            The page.
+
+        Raises
+        ------
+        InputError
+            If the folder cannot be written or holds something else.
 
         Examples
         --------
@@ -255,7 +293,17 @@ class Fit(SampledFit):
 
     @classmethod
     def load(cls, path: str | Path) -> Self:
-        """Read a run directory of `fit`, with the draws of the chains that have finished.
+        """Read a run directory.
+
+        Parameters
+        ----------
+        path : path
+            Run directory of `fit`.
+
+        Returns
+        -------
+        Fit
+            With the draws of the chains that have finished.
 
         Raises
         ------

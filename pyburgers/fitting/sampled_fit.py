@@ -63,7 +63,12 @@ ORIGINS: Mapping[str, str] = MappingProxyType(
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SampledFit(ABC):
-    """A finished run: its directory, labelled draws, and manifest of command, seeds and hashes."""
+    """A finished run of chains: a fit of one test, of several, or of tables of rates.
+
+    `directory`: where its files are.
+    `posterior`: labelled draws.
+    `manifest`: command, seeds, versions, hashes, wall times.
+    """
 
     directory: RunDirectory
     posterior: xr.DataTree
@@ -151,7 +156,12 @@ class SampledFit(ABC):
 
     @property
     def prior_doubts(self) -> tuple[str, ...]:
-        """Sentences about priors that are unlikely."""
+        """Sentences about priors that are unlikely.
+
+        Examples
+        --------
+        >>> sentences = fit.prior_doubts
+        """
         return ()
 
     @abstractmethod
@@ -241,7 +251,17 @@ class SampledFit(ABC):
         return {}
 
     def save(self, path: str | Path) -> None:
-        """Copy the run directory to a new folder; an existing one is an InputError.
+        """Copy the run directory.
+
+        Parameters
+        ----------
+        path : path
+            New folder.
+
+        Raises
+        ------
+        InputError
+            If `path` exists.
 
         Examples
         --------
@@ -329,7 +349,10 @@ class SampledFit(ABC):
 
     @property
     def first_chain(self) -> str:
-        """Beginning of the hash of the first chain's draws, as the manifest notes it."""
+        """Beginning of the hash of the first chain's draws, as the manifest notes it.
+
+        That of ``posterior.nc`` changes whenever the draws are gathered again.
+        """
         # That of posterior.nc changes whenever the draws are gathered again.
         records = [*self.manifest.get("chains", {}).values()]
         return str(records[0]["sha256"])[:12] if records else "unknown"

@@ -107,7 +107,10 @@ class PriorSet:
     def read_off(self, data: Sequence[str]) -> frozenset[str]:
         """Return the priors, or `JOINT_PRIOR`, that were read off data.
 
-        The data are id, source and DOI of each test or table, in one text.
+        Parameters
+        ----------
+        data : sequence of str
+            Id, source and DOI of each test or table, in one text.
         """
         words = {name: self.priors[name].read_off for name in self.free}
         if self.flow_law is not None:

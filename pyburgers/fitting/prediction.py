@@ -296,11 +296,10 @@ def _tree(
         {name: (("chain", "draw"), one[np.newaxis]) for name, one in own.items()}, labels
     )
     label_draws(parameters, (p for p in PROGRAM_PARAMETERS if p.name in own), priors)
-    on_grid = drawn.dataset(list(likelihood.grid_quantities)).assign_coords(chain=[1])
+    on_grid = drawn.dataset(list(likelihood.grid_quantities))
     groups = {"posterior": parameters, "predictions": grid_group(on_grid, experiment)}
     if experiment.n_points > 0:
-        at_points = drawn_at_points(drawn, {"chain": [1]})
-        groups |= groups_at_points(at_points, experiment)
+        groups |= groups_at_points(drawn_at_points(drawn), experiment)
     return xr.DataTree.from_dict(groups)
 
 

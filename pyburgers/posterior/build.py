@@ -77,26 +77,20 @@ def _groups_of(
     """Gather the finished chains of a run into the groups of `build_posterior`."""
     likelihood, experiments = problem.likelihood, problem.experiments
     files = run.draws_files()
-    chains = {"chain": list(run.finished_chains())}
     grids = [likelihood_of(experiment).grid(experiment) for experiment in experiments]
     data = run.read_stan_data()
     fit = read_draws(files)
     logger.info("Solving every draw again at the reference tolerance.")
     data = with_grids(data, experiments, grids)
     on_grids, sizes = _places_on_grids(experiments, grids)
-    checked = reference_solution(
-        load_program(likelihood.program),
-        data,
-        files,
-        sizes,
-        seed=manifest["sampler"]["seed"],
-    ).assign_coords(chains)
+    program, seed = load_program(likelihood.program), manifest["sampler"]["seed"]
+    checked = reference_solution(program, data, files, sizes, seed=seed)
     stats = stats_with_solver(
-        fit, checked, chains, unit=data["unit"], use_likelihood=manifest["use_likelihood"]
+        fit, checked, unit=data["unit"], use_likelihood=manifest["use_likelihood"]
     )
-    at_points = drawn_at_points(fit, chains)
-    at_points[PRIOR_DENSITY] = fit.dataset([PRIOR_DENSITY])[PRIOR_DENSITY].assign_coords(chains)
-    draws = _draws_of_tests(fit, problem, chains)
+    at_points = drawn_at_points(fit)
+    at_points[PRIOR_DENSITY] = fit.dataset([PRIOR_DENSITY])[PRIOR_DENSITY]
+    draws = _draws_of_tests(fit, problem)
     ends = data["point_end"]
     tests = {}
     for e, (experiment, priors) in enumerate(zip(experiments, problem.by_effect(), strict=True)):
@@ -111,7 +105,7 @@ def _groups_of(
         }
     common = point_groups(at_points, experiments)
     if MICROSTRUCTURE_LOG_LIKELIHOOD in fit:
-        measured = microstructure_group(fit, experiments, chains)
+        measured = microstructure_group(fit, experiments)
         common[MICROSTRUCTURE] = measured
         for e, (experiment, own) in enumerate(zip(experiments, tests.values(), strict=True)):
             if experiment.microstructure:
@@ -120,7 +114,7 @@ def _groups_of(
         (groups,) = tests.values()
     else:
         groups = {
-            "posterior": _all_draws(fit, problem, draws, chains),
+            "posterior": _all_draws(fit, problem, draws),
             "sample_stats": stats,
             **common,
             **{
@@ -130,8 +124,12 @@ def _groups_of(
             },
         }
     if any(experiment.n_driving_errors for experiment in experiments):
-        groups[DRIVING_ERRORS] = driving_errors(fit, experiments).assign_coords(chains)
-    return groups
+        groups[DRIVING_ERRORS] = driving_errors(fit, experiments)
+    chains = list(run.finished_chains())
+    return {
+        name: group.assign_coords(chain=chains) if "chain" in group.dims else group
+        for name, group in groups.items()
+    }
 
 
 def _places_on_grids(
@@ -158,11 +156,9 @@ def _points_of_test(points: xr.Dataset, experiment: Experiment, priors: PriorSet
     return points.assign_coords(point=np.arange(experiment.n_points))
 
 
-def _draws_of_tests(
-    fit: Draws, problem: Problem, chains: Mapping[str, list[int]]
-) -> dict[str, xr.Dataset]:
+def _draws_of_tests(fit: Draws, problem: Problem) -> dict[str, xr.Dataset]:
     """Labelled draws of the parameters of each test."""
-    columns = fit.dataset(["parameter", "log_reference"]).assign_coords(chains)
+    columns = fit.dataset(["parameter", "log_reference"])
     reference = problem.likelihood.reference
     found = {}
     tests = zip(problem.experiments, problem.by_effect(), strict=True)
@@ -179,12 +175,7 @@ def _draws_of_tests(
     return found
 
 
-def _all_draws(
-    fit: Draws,
-    problem: Problem,
-    draws: Mapping[str, xr.Dataset],
-    chains: Mapping[str, list[int]],
-) -> xr.Dataset:
+def _all_draws(fit: Draws, problem: Problem, draws: Mapping[str, xr.Dataset]) -> xr.Dataset:
     """Draws of every sampled quantity, each once."""
     first = draws[problem.experiments[0].id]
     variables = {name: first[name] for name in problem.shared}
@@ -196,7 +187,7 @@ def _all_draws(
             if problem.has_effect(name, e)
         }
     if problem.partial:
-        pooled = fit.dataset(["pooled_centre", "pooled_spread"]).assign_coords(chains)
+        pooled = fit.dataset(["pooled_centre", "pooled_spread"])
         for h, name in enumerate(problem.partial):
             for owner, unit in ((CENTRE, first[name].attrs["units"]), (SPREAD, "1")):
                 column = f"pooled_{owner}"
@@ -222,19 +213,14 @@ def driving_errors(fit: Draws, experiments: Sequence[Experiment]) -> xr.Dataset:
 
 
 def stats_with_solver(
-    fit: Draws,
-    checked: xr.Dataset,
-    chains: Mapping[str, list[int]],
-    *,
-    unit: Sequence[float],
-    use_likelihood: bool,
+    fit: Draws, checked: xr.Dataset, *, unit: Sequence[float], use_likelihood: bool
 ) -> xr.Dataset:
     """Return the sampler's columns, and log ratios of reference to sampled likelihood.
 
     The log density is that of the coordinates; CmdStan's is that of their numbers in units.
     """
-    reference = checked["log_lik"].sum("log_lik_dim_0", skipna=False).assign_coords(chains)
-    stats = sample_stats(fit).assign_coords(chains)
+    reference = checked["log_lik"].sum("log_lik_dim_0", skipna=False)
+    stats = sample_stats(fit)
     stats["lp"] = stats["lp"] - np.sum(np.log(unit))
     stats["solver_log_ratio"] = (
         reference - _sampled_log_likelihood(fit, stats["lp"])

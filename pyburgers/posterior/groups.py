@@ -30,7 +30,7 @@ MICROSTRUCTURE_LOG_LIKELIHOOD = "microstructure_log_lik"
 """Name in programs that take measured microstructure; not there where none was measured."""
 
 
-def drawn_at_points(fit: Draws, chains: Mapping[str, list[int]]) -> xr.Dataset:
+def drawn_at_points(fit: Draws) -> xr.Dataset:
     """Return responses with and without noise and densities by chain, draw and point.
 
     If residuals are correlated, `GIVEN_OTHERS` is there too.
@@ -39,7 +39,7 @@ def drawn_at_points(fit: Draws, chains: Mapping[str, list[int]]) -> xr.Dataset:
     if GIVEN_OTHERS in fit:
         names.append(GIVEN_OTHERS)
     columns = {name: fit.dataset([name])[name].rename({f"{name}_dim_0": "point"}) for name in names}
-    drawn = xr.Dataset(columns).assign_coords(chains)
+    drawn = xr.Dataset(columns)
     return drawn.assign_coords(point=np.arange(drawn.sizes["point"]))
 
 
@@ -92,9 +92,7 @@ def grid_group(checked: xr.Dataset, experiment: Experiment) -> xr.Dataset:
     return xr.Dataset(variables).assign_coords({clock: likelihood.grid(experiment)})
 
 
-def microstructure_group(
-    fit: Draws, experiments: Sequence[Experiment], chains: Mapping[str, list[int]]
-) -> xr.Dataset:
+def microstructure_group(fit: Draws, experiments: Sequence[Experiment]) -> xr.Dataset:
     """Gather measured microstructure of tests, and draws of it, by section and quantity.
 
     Variables are model, replicated and log_likelihood (0 if nothing was measured), and without
@@ -119,7 +117,6 @@ def microstructure_group(
             "error": (dimensions[2:], np.where(was_measured, error, np.nan)),
         },
         {
-            **chains,
             "section": np.arange(len(sections)),
             "strain": ("section", strains_of(sections)),
             "time": ("section", times_of(sections)),
@@ -184,10 +181,9 @@ def load_posterior(run: RunDirectory, manifest: Mapping[str, Any]) -> xr.DataTre
             f"{run.posterior_file} has changed since the run, as its hash says; {REMEDY}."
         )
     tree = read_netcdf(content)
-    if json.loads(tree.attrs["chains"]) != list(run.finished_chains()):
-        return None
-    if tree.attrs.get("extensions") != run.n_extensions():
-        return None
-    if tree.attrs.get("data_kind") != manifest.get("data_kind"):
-        return None
-    return tree
+    is_current = (
+        json.loads(tree.attrs["chains"]) == list(run.finished_chains())
+        and tree.attrs.get("extensions") == run.n_extensions()
+        and tree.attrs.get("data_kind") == manifest.get("data_kind")
+    )
+    return tree if is_current else None

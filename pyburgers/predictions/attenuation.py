@@ -27,7 +27,6 @@ import numpy.typing as npt
 import pandas as pd
 import xarray as xr
 
-from pyburgers.common.array_types import BoolArray
 from pyburgers.common.draws import FloatArray
 from pyburgers.common.errors import InputError, require_type
 from pyburgers.common.netcdf_files import write_netcdf
@@ -312,9 +311,7 @@ def material_spectrum(
         material.parameters,
         frequencies,
         regimes,
-        temperature=material.temperature,
-        grain_size=material.grain_size,
-        fabric_factor=material.fabric_factor,
+        **material.state,
         hold_time=hold_time,
         critical_share=critical_share,
         with_strains=with_strains,
@@ -362,13 +359,6 @@ def condition_columns(spectrum: xr.Dataset) -> dict[str, FloatArray]:
     }
 
 
-def regime_peaks(spectrum: xr.Dataset) -> BoolArray:
-    """Whether the peak stands out, shape (n_draws, n_regimes)."""
-    peak = spectrum["debye_peak"].transpose(..., "regime").to_numpy()
-    flat: BoolArray = peak.reshape(-1, peak.shape[-1])
-    return flat
-
-
 QUANTILES = (5, 25, 50, 75, 95)
 """Percentages of `quantile_table`."""
 
@@ -382,13 +372,12 @@ OVERVIEW_FREQUENCIES = 5
 def quantile_table(spectrum: xr.Dataset) -> pd.DataFrame:
     """Return posterior quantiles of tan(delta), a row for each regime and frequency.
 
-    Columns are median_stress_MPa, amplitude_MPa, frequency_Hz, mean, sd, q5, q25, q50, q75,
-    q95; medians hold_strain and cycle_strain; p_hold_fails, p_cycle_fails, p_frozen_fails, the
-    shares of draws in which the hold, a cycle, or one of them strains too much for frozen
-    microstructure.
+    Strains are medians. Of p_hold_fails, p_cycle_fails and p_frozen_fails each is the share of
+    draws in which the hold, a cycle, or one of them strains too much for frozen microstructure.
     """
     tan_delta = flat_draws(spectrum["tan_delta"])
     n_frequencies = tan_delta.shape[2]
+    by_hold = probability(strain_fails(spectrum, "hold_strain"))
     by_quantile = np.quantile(tan_delta, np.array(QUANTILES) / 100, axis=0)
     strains = spectrum[["hold_strain", "cycle_strain"]]
     medians = strains.median({*strains.dims} - {"regime", "frequency"}).transpose("regime", ...)
@@ -400,9 +389,7 @@ def quantile_table(spectrum: xr.Dataset) -> pd.DataFrame:
             **{f"q{q}": values.ravel() for q, values in zip(QUANTILES, by_quantile, strict=True)},
             "hold_strain": np.repeat(medians["hold_strain"].to_numpy(), n_frequencies),
             "cycle_strain": medians["cycle_strain"].to_numpy().ravel(),
-            "p_hold_fails": np.repeat(
-                probability(strain_fails(spectrum, "hold_strain")), n_frequencies
-            ),
+            "p_hold_fails": np.repeat(by_hold, n_frequencies),
             "p_cycle_fails": probability(strain_fails(spectrum, "cycle_strain")).ravel(),
             "p_frozen_fails": probability(spectrum["frozen_fails"]).ravel(),
         }
@@ -412,14 +399,13 @@ def quantile_table(spectrum: xr.Dataset) -> pd.DataFrame:
 def overview_table(spectrum: xr.Dataset) -> pd.DataFrame:
     """Return attenuation at a few frequencies as text, a row for each regime.
 
-    Columns are regime, frozen microstructure (where it fails), one for each of at most
-    `OVERVIEW_FREQUENCIES` frequencies with median and 5 and 95 % of the draws, and Debye peak.
+    At most `OVERVIEW_FREQUENCIES` frequencies have a column, with median and 5 and 95 % of draws.
     """
     frequency = spectrum["frequency"].to_numpy()
     n_shown = min(OVERVIEW_FREQUENCIES, frequency.size)
     shown = np.linspace(0, frequency.size - 1, n_shown).round().astype(int)
     low, median, high = np.quantile(flat_draws(spectrum["tan_delta"]), (0.05, 0.5, 0.95), axis=0)
-    share = regime_peaks(spectrum).mean(axis=0)
+    share = probability(spectrum["debye_peak"])
     frozen = frozen_limit_texts(spectrum)
     return pd.DataFrame(
         [

@@ -88,18 +88,13 @@ def evolving_attenuation(
     for name, given, least in (("cycles", cycles, 2), ("max_draws", max_draws, 1)):
         if given < least:
             raise InputError(f"{name}: found {given}, expected at least {least}.")
-    parameters, size, fabric = material.thinned(max_draws)
-    frozen = attenuation_spectrum(
-        parameters,
-        frequency,
-        regimes,
-        temperature=material.temperature,
-        grain_size=size,
-        fabric_factor=fabric,
-        hold_time=hold,
-    )
+    material = material.thinned(max_draws)
+    parameters, state = material.parameters, material.state
+    frozen = attenuation_spectrum(parameters, frequency, regimes, **state, hold_time=hold)
     asked = cycles_data((), frequency, hold, with_strains=False)
-    elements = closed_forms(parameters, size, temperature=material.temperature, asked=asked)
+    elements = closed_forms(
+        parameters, material.grain_size, temperature=material.temperature, asked=asked
+    )
     elastic_loss = elements["kelvin_loss"][:, np.newaxis]
     frozen_loss = frozen["loss_compliance"].to_numpy()
     found = {
@@ -114,9 +109,7 @@ def evolving_attenuation(
                 regime,
                 float(one),
                 readings,
-                temperature=material.temperature,
-                grain_size=size,
-                fabric_factor=fabric,
+                **state,
                 hold_time=hold,
                 evolving=True,
                 solver=SOLVER,
@@ -131,8 +124,7 @@ def evolving_attenuation(
                 found[name][:, k, j] = solution[name][:, -1]
     storage = frozen["storage_compliance"].to_numpy() + found.pop("storage")
     loss = elastic_loss + found["loss"]
-    in_phase = storage > 0
-    evolving = np.where(in_phase, loss / np.where(in_phase, storage, 1.0), np.inf)
+    evolving = np.divide(loss, storage, out=np.full(loss.shape, np.inf), where=storage > 0)
     values = {
         "tan_delta_frozen": frozen["tan_delta"].to_numpy(),
         "tan_delta_evolving": evolving,
@@ -212,25 +204,18 @@ def solve_imposed_stress(
 def evolving_table(comparison: xr.Dataset) -> pd.DataFrame:
     """Return quantiles of tan(delta) with frozen and evolving microstructure.
 
-    There is a row for each regime and frequency. Columns are median_stress_MPa, amplitude_MPa,
-    frequency_Hz; frozen_q5 to frozen_q95, evolving_q5 to evolving_q95, fluidity_ratio_q5 to _q95;
-    medians of path_strain, grain_size_m, fabric_factor at the end of the cycles; cycles and draws.
+    There is a row for each regime and frequency, with `condition_columns`. Path strain, grain size
+    and fabric factor are medians at the end of the cycles.
     """
     table = condition_columns(comparison)
-    for column, name in (
-        ("frozen", "tan_delta_frozen"),
-        ("evolving", "tan_delta_evolving"),
-        ("fluidity_ratio", "fluidity_ratio"),
-    ):
+    for name in ("tan_delta_frozen", "tan_delta_evolving", "fluidity_ratio"):
+        column = name.removeprefix("tan_delta_")
         for percent, values in zip(
             BAND_PERCENTAGES, evolving_quantiles(comparison[name]), strict=True
         ):
             table[f"{column}_q{percent}"] = values.ravel()
-    for column, name in (
-        ("path_strain", "path_strain"),
-        ("grain_size_m", "grain_size"),
-        ("fabric_factor", "fabric_factor"),
-    ):
+    for name in ("path_strain", "grain_size", "fabric_factor"):
+        column = "grain_size_m" if name == "grain_size" else name
         table[column] = evolving_quantiles(comparison[name])[1].ravel()
     return pd.DataFrame(table).assign(
         cycles=int(comparison["cycles"]), draws=comparison.sizes["draw"]

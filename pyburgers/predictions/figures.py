@@ -11,7 +11,6 @@ from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
 from matplotlib.container import ErrorbarContainer
 from matplotlib.figure import Figure
-from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
@@ -19,7 +18,7 @@ from pyburgers.common.draws import FloatArray, evenly_spaced
 from pyburgers.common.errors import require_type
 from pyburgers.common.units import rounded_to
 from pyburgers.drawing.panels import draw_dots, draw_thin_lines, figure_of
-from pyburgers.drawing.style import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY_BLUE, VERMILION, style
+from pyburgers.drawing.style import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY_BLUE, VERMILION
 from pyburgers.fitting.prediction import Prediction
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.likelihood import likelihood_of
@@ -148,15 +147,13 @@ def attenuation_draws(spectrum: xr.Dataset, title: str) -> Figure:
     n_regimes = len(medians)
     columns = min(2, n_regimes)
     rows = -(-n_regimes // columns)
-    with style():
+    with figure_of(4.2 * columns, 2.9 * rows + 0.9) as figure:
         # The labels at the ends of two neighbouring axes need room.
-        layout = ConstrainedLayoutEngine(wspace=0.06)
-        figure = Figure(figsize=(4.2 * columns, 2.9 * rows + 0.9), layout=layout)
+        figure.set_layout_engine("constrained", wspace=0.06)
         panels = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
-        for k, axes in enumerate(panels.flat):
-            if k >= n_regimes:
-                axes.remove()
-                continue
+        for axes in panels.flat[n_regimes:]:
+            axes.remove()
+        for k, axes in enumerate(panels.flat[:n_regimes]):
             colour = _COLOURS[k % len(_COLOURS)]
             draw_thin_lines(axes, frequency, shown[:, k], colour, alpha=0.25)
             if k > 0:
@@ -350,9 +347,16 @@ def _draw(axes: Axes, prediction: Prediction, quantity: ReadQuantity) -> None:
         np.insert(factor * draws, ends, np.nan, axis=1)
         for draws in shown_draws(prediction, quantity)
     )
-    _fill(axes, position, new, 90, ORANGE, 0.35, "90 % of new readings")
-    _fill(axes, position, solved, 90, BLUE, 0.25, "90 % of solutions")
-    _fill(axes, position, solved, 50, BLUE, 0.6, "50 % of solutions")
+    for draws, percent, colour, opacity, label in (
+        (new, 90, ORANGE, 0.35, "90 % of new readings"),
+        (solved, 90, BLUE, 0.25, "90 % of solutions"),
+        (solved, 50, BLUE, 0.6, "50 % of solutions"),
+    ):
+        tail = (1 - percent / 100) / 2
+        low, high = np.quantile(draws, [tail, 1 - tail], axis=0)
+        # The colour that the opacity gives on white.
+        tint = tuple(1 - opacity * (1 - part) for part in to_rgb(colour))
+        axes.fill_between(position, low, high, color=tint, linewidth=0, label=label)
     median = np.median(solved, axis=0)
     axes.plot(position, median, color=VERMILION, linewidth=1.6, label="predictive median")
     own = np.array([one == quantity for one in read_quantities(experiment)], dtype=bool)
@@ -373,19 +377,3 @@ def _draw(axes: Axes, prediction: Prediction, quantity: ReadQuantity) -> None:
     axes.set(
         ylabel=quantity.shown.label, yscale="linear" if quantity.logarithm_of is None else "log"
     )
-
-
-def _fill(
-    axes: Axes,
-    position: FloatArray,
-    draws: FloatArray,
-    percent: int,
-    colour: str,
-    opacity: float,
-    label: str,
-) -> None:
-    """Fill the central part of draws, in the colour that `opacity` gives on white."""
-    tail = (1 - percent / 100) / 2
-    low, high = np.quantile(draws, [tail, 1 - tail], axis=0)
-    tint = tuple(1 - opacity * (1 - part) for part in to_rgb(colour))
-    axes.fill_between(position, low, high, color=tint, linewidth=0, label=label)

@@ -8,10 +8,10 @@ elastic modulus, which may be that of the apparatus.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from numbers import Real
 from types import MappingProxyType
-from typing import Literal, get_args
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -37,7 +37,7 @@ from pyburgers.predictions.stress_cycles import (
     flow_rate,
 )
 
-Microstructure = Literal["initial", "steady_state"]
+MICROSTRUCTURES = ("initial", "steady_state")
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,16 +57,22 @@ class Material:
     draw: IntArray
     attributes: Mapping[str, str]
 
-    def thinned(self, at_most: int) -> tuple[dict[str, FloatArray], FloatArray, FloatArray]:
-        """Return evenly spaced draws: parameters, grain size and fabric factor, shape (n,)."""
-        size, fabric = (
-            evenly_spaced(values.ravel(), at_most)
-            for values in (self.grain_size, self.fabric_factor)
+    @property
+    def state(self) -> dict[str, Any]:
+        """Temperature, grain size and fabric factor, as arguments of the same names."""
+        names = ("temperature", "grain_size", "fabric_factor")
+        return {name: getattr(self, name) for name in names}
+
+    def thinned(self, at_most: int) -> "Material":
+        """Return the material with evenly spaced draws, shape (n,)."""
+        return replace(
+            self,
+            parameters={
+                name: evenly_spaced(one.ravel(), at_most) for name, one in self.parameters.items()
+            },
+            grain_size=evenly_spaced(self.grain_size.ravel(), at_most),
+            fabric_factor=evenly_spaced(self.fabric_factor.ravel(), at_most),
         )
-        parameters = {
-            name: evenly_spaced(values.ravel(), at_most) for name, values in self.parameters.items()
-        }
-        return parameters, size, fabric
 
     def dashpot_rates(self, regimes: Sequence[Regime]) -> Ranges:
         """Return the range of median rates (1/s) of the dashpot at the highest stresses."""
@@ -74,9 +80,7 @@ class Material:
         rates = flow_rate(
             self.parameters,
             np.reshape([min(highest), max(highest)], (2, 1, 1)),
-            temperature=self.temperature,
-            grain_size=self.grain_size,
-            fabric_factor=self.fabric_factor,
+            **self.state,
         )
         least, most = np.median(rates, axis=(1, 2))
         return {"strain rate": (float(least), float(most))}
@@ -95,8 +99,8 @@ def fitted_material(
     seed: int = 1,
 ) -> Material:
     """Return the material of a fit, by arguments of `pyburgers.predict_attenuation`."""
-    if microstructure not in get_args(Microstructure):
-        expected = " or ".join(map(repr, get_args(Microstructure)))
+    if microstructure not in MICROSTRUCTURES:
+        expected = " or ".join(map(repr, MICROSTRUCTURES))
         raise InputError(f"microstructure: found {microstructure!r}, expected {expected}.")
     for name, given in (
         ("temperature", temperature),

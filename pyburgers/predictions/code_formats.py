@@ -232,7 +232,6 @@ CREEP_FORMATS = {
 }
 """Creep laws by the name of the format."""
 
-
 ANY_REGIME = Regime(0.0, 1.0)
 """Stress cycles of a linear dashpot, whose fluidity no stress changes."""
 
@@ -253,7 +252,6 @@ class ShearCompliances:
 
 LINEAR = {"none", "diffusion"}
 """Further mechanisms that leave a linear dashpot linear."""
-
 
 OTHER_RATIO = (
     "The fitted table states another Poisson's ratio or a bulk modulus, so that shear moduli here "

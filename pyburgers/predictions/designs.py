@@ -138,13 +138,7 @@ def design(
         name: fit.predict(one.experiment, draws=draws, new_sample=True, seed=seeds[name])
         for name, one in plan.candidates.items()
     }
-    others = {
-        name: against.predict(
-            one.experiment, draws=draws, new_sample=True, seed=seeds[name] + len(seeds)
-        )
-        for name, one in plan.candidates.items()
-        if against is not None
-    }
+    others = dict[str, Prediction]()
     rows, features = dict[str, dict[str, float | str]](), dict[str, FloatArray]()
     kept = _common_draws(list(predictions.values()))
     fitted = next(iter(fit.tests().values())).posterior["posterior"].to_dataset()
@@ -160,8 +154,10 @@ def design(
             "beyond_limits": _beyond(plan, candidate, stress),
             **_widths(truths, features[name]),
         }
-        if name in others:
-            other = others[name]
+        if against is not None:
+            others[name] = other = against.predict(
+                candidate.experiment, draws=draws, new_sample=True, seed=seeds[name] + len(seeds)
+            )
             every = _common_draws([other])
             other_signal, other_noisy = _readings(other, candidate.n_readings, every)
             both = np.vstack([noisy, other_noisy])
@@ -394,15 +390,12 @@ def _one_after_the_other(
     chosen, rows = list[str](), []
     before = dict.fromkeys((f"{name}_width" for name in truths), 1.0)
     while len(chosen) < min(choose, len(within)):
-        together = {
-            name: _widths(truths, np.hstack([features[one] for one in (*chosen, name)]))
-            for name in within
-            if name not in chosen
-        }
-        found = {
-            name: {key: min(width, before[key]) for key, width in widths.items()}
-            for name, widths in together.items()
-        }
+        found = {}
+        for name in within:
+            if name not in chosen:
+                together = np.hstack([features[one] for one in (*chosen, name)])
+                widths = _widths(truths, together)
+                found[name] = {key: min(width, before[key]) for key, width in widths.items()}
         best = min(found, key=lambda name: float(np.mean(np.log([*found[name].values()]))))
         chosen.append(best)
         before = found[best]

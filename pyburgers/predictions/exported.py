@@ -347,16 +347,13 @@ def _display(name: str) -> tuple[float, str]:
     if is_logarithm(name):
         return 1.0, "--"
     quantity = shown_quantity(name)
-    unit = unit_text(quantity)
-    for sign, of_latex in LATEX_SIGNS.items():
-        unit = unit.replace(sign, of_latex)
-    return quantity.display_factor, unit
+    return quantity.display_factor, unit_text(quantity).translate(LATEX_SIGNS)
 
 
 ASCII_SIGNS = str.maketrans({"µ": "u", "±": "+-"})
 """Signs in comments of files that other programs read."""
 
-LATEX_SIGNS = {"%": r"\%", "µ": r"$\mu$", "–": "--", "⁻": "$^{-}$", "⁶": "$^{6}$"}
+LATEX_SIGNS = str.maketrans({"%": r"\%", "µ": r"$\mu$", "–": "--", "⁻": "$^{-}$", "⁶": "$^{6}$"})
 """Signs of units as LaTeX has them."""
 
 _BEGINNING = re.compile(

@@ -48,7 +48,6 @@ from pyburgers.predictions.stated_laws import Stated, creep_laws, is_logarithm, 
 from pyburgers.predictions.stress_cycles import Regime, asked_conditions
 
 AnyFit = Fit | RateFit
-Kept = IntArray
 
 STATE = ("microstructure", "grain_size", "fabric_factor")
 CYCLES = ("frequencies", "regime", "poisson_ratio", "elastic_modulus")
@@ -59,11 +58,11 @@ CYCLES = ("frequencies", "regime", "poisson_ratio", "elastic_modulus")
 class Format:
     """A format: `texts` of the mean and kept draws, and choices that it `uses`."""
 
-    texts: Callable[[AnyFit, Stated, Kept], tuple[str, ...]]
+    texts: Callable[[AnyFit, Stated, IntArray], tuple[str, ...]]
     uses: tuple[str, ...] = ()
 
 
-def _record(fit: AnyFit, _: Stated, kept: Kept) -> tuple[str, ...]:
+def _record(fit: AnyFit, _: Stated, kept: IntArray) -> tuple[str, ...]:
     return (as_json(exported(fit), kept.tolist()),)
 
 
@@ -71,17 +70,14 @@ def _table(write: Callable[[Exported], str], fit: AnyFit, *_: object) -> tuple[s
     return (write(exported(fit)),)
 
 
-def _creep_texts(form: CreepFormat, fit: AnyFit, stated: Stated, kept: Kept) -> tuple[str, ...]:
+def _creep_texts(form: CreepFormat, fit: AnyFit, stated: Stated, kept: IntArray) -> tuple[str, ...]:
     laws, one = creep_laws(fit, stated, form.code), exported(fit)
     decide = [name for name in (*FLOW_LAW, LOG_FACTOR, *ENHANCEMENTS) if name in one.names]
     if LOG_FACTOR not in decide:
         decide = [*one.names]
     elif stated.microstructure == "steady_state":
-        decide += [
-            name
-            for name in ("steady_state_grain_size", "steady_state_fabric_factor")
-            if name in one.names
-        ]
+        steady = ("steady_state_grain_size", "steady_state_fabric_factor")
+        decide += [name for name in steady if name in one.names]
     given = tuple(map(float, stated.temperatures))
     if form.by_temperature and not given:
         if isinstance(fit, RateFit):
@@ -105,7 +101,7 @@ def _creep_texts(form: CreepFormat, fit: AnyFit, stated: Stated, kept: Kept) -> 
 
 
 def _compliance_texts(
-    form: ComplianceFormat, fit: AnyFit, stated: Stated, kept: Kept
+    form: ComplianceFormat, fit: AnyFit, stated: Stated, kept: IntArray
 ) -> tuple[str, ...]:
     if len(stated.temperatures) > 1:
         raise InputError(
@@ -133,7 +129,7 @@ def _compliance_texts(
     )
 
 
-def _heads(one: Exported, code: str, mean: str, kept: Kept) -> Iterator[tuple[str, str]]:
+def _heads(one: Exported, code: str, mean: str, kept: IntArray) -> Iterator[tuple[str, str]]:
     """Yield the first two notes of the mean and of each kept draw."""
     title = f"pyburgers export for {code}: {one.test}, {one.material}, run {one.run}"
     if one.draws_of == PRIOR_ALONE:
@@ -268,8 +264,7 @@ def export(
     )
     given = {**vars(stated), "draws": draws or None}
     for name, value in given.items():
-        is_given = value is not None and not (isinstance(value, tuple) and not value)
-        if is_given and name not in chosen.uses:
+        if value not in (None, ()) and name not in chosen.uses:
             found = ", ".join(map(str, value)) if isinstance(value, tuple) else value
             raise InputError(
                 f"{name}: found {found}, expected none: {file_format} does not use it."
@@ -289,7 +284,7 @@ def export_files(out: Path, n_texts: int) -> list[Path]:
     return [out, *(out.with_name(f"{out.stem}_{k}{out.suffix}") for k in range(1, n_texts))]
 
 
-def _kept(fit: AnyFit, draws: int, seed: int) -> Kept:
+def _kept(fit: AnyFit, draws: int, seed: int) -> IntArray:
     """Return the numbers of chosen draws, counted from 0 along all chains."""
     sizes = fit.posterior["posterior"].sizes
     there = sizes["chain"] * sizes["draw"]

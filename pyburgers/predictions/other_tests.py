@@ -99,16 +99,12 @@ def _is_read(prediction: Prediction) -> npt.NDArray[np.bool_]:
 def band_table(prediction: Prediction) -> pd.DataFrame:
     """Return bands of the solution and of new readings along the clock, in SI units.
 
-    After the clock there are RESPONSE_q5 to RESPONSE_q95 and new_RESPONSE_q5 to
-    new_RESPONSE_q95 of each of `answers`, such as stress_Pa_q5; the latter are NaN where the
-    quantity is imposed. Tables of cycles have the period and the temperature beside the clock.
+    Columns of each of `answers` are such as stress_Pa_q5, and new_stress_Pa_q5 of new readings,
+    which is NaN where the quantity is imposed.
     """
     shown = answers(prediction)
     clock, at = likelihood_of(prediction.experiment).clock, clock_of(prediction, shown[0])
-    columns = {
-        clock.column: at,
-        **prediction.experiment.conditions_at(at),
-    }
+    columns = {clock.column: at, **prediction.experiment.conditions_at(at)}
     for one in shown:
         solved, new = shown_draws(prediction, one)
         name = one.shown.column
@@ -132,10 +128,7 @@ def overview_table(prediction: Prediction) -> pd.DataFrame:
         ]
 
     at = shown[clock.column].to_numpy()
-    along = {
-        clock.label: at * clock.display_factor,
-        **experiment.conditions_at(at),
-    }
+    along = {clock.label: at * clock.display_factor, **experiment.conditions_at(at)}
     columns = {name: [f"{value:.4g}" for value in values] for name, values in along.items()}
     for one in (answer.shown for answer in answers(prediction)):
         columns[f"{one.label}, median and 90 %"] = bands(one.column, one.display_factor)
@@ -146,10 +139,9 @@ def overview_table(prediction: Prediction) -> pd.DataFrame:
 def reading_table(prediction: Prediction) -> pd.DataFrame:
     """Return what each reading of a test is predicted to be, and what it is, in SI units.
 
-    Columns are those of the clock, the name if several quantities are read, and of each quantity
-    measured_RESPONSE and those of `band_table` at its readings, else NaN. is_limit marks upper
-    limits. share_below is the share of predicted readings below the measured one, or at most at its
-    limit. Raises `InputError` if the test has no data.
+    Columns of a quantity are those of `band_table` and that of its readings, NaN at readings of
+    another. share_below is the share of predicted readings below the measured one, or at most at
+    its limit. Raises `InputError` if the test has no data.
     """
     experiment = _with_data(prediction)
     likelihood = likelihood_of(experiment)

@@ -123,7 +123,6 @@ def asked_conditions(
 
 
 A_REGIME = "stresses, as of pyburgers.Regime(1e6, 1e5)"
-
 PAPER_REGIMES = (
     Regime(1e6, 0.17e6),
     Regime(1.5e6, 0.5e6),
@@ -131,7 +130,6 @@ PAPER_REGIMES = (
     Regime(4e6, 1.5e6),
 )
 """The regimes of the paper's Fig. 6."""
-
 
 _PAPER_REGIME_BY_NAME = {number(r.median_stress * STRESS_FACTOR): r for r in PAPER_REGIMES}
 
@@ -187,17 +185,18 @@ def checked_inputs(
                 f"parameters: {name!r} has the shape {values.shape}, expected {shape} as "
                 f"{PARAMETER_NAMES[0]!r} has."
             )
-    frozen = []
-    for name, given in (("grain_size", grain_size), ("fabric_factor", fabric_factor)):
-        values = given_numbers(name, given)
+    size, fabric = (
+        given_numbers("grain_size", grain_size),
+        given_numbers("fabric_factor", fabric_factor),
+    )
+    for name, values in (("grain_size", size), ("fabric_factor", fabric)):
         if values.shape not in ((), shape):
             raise InputError(
                 f"{name}: found the shape {values.shape}, expected one number or {shape}, that "
                 "of the draws."
             )
-        frozen.append(np.broadcast_to(values, shape))
-    check_state(temperature, *frozen)
-    return draws, frozen[0], frozen[1]
+    check_state(temperature, size, fabric)
+    return draws, np.broadcast_to(size, shape), np.broadcast_to(fabric, shape)
 
 
 def given_numbers(name: str, given: npt.ArrayLike) -> FloatArray:

@@ -77,11 +77,7 @@ def compare(fits: Mapping[str, Fit], *, refits: str | Path | None = None) -> Com
     check_same_data(fits)
     found = {}
     for name, one in fits.items():
-        result = _all_tests(
-            [leave_one_out(test.posterior) for test in tests_of(one)],
-            sampling_doubts(one, one.problem.name, "its elpd may be far off"),
-        )
-        result = replace(result, notes=read_off_sentences(one.read_off))
+        result = _of_all_tests(one)
         flagged = np.flatnonzero(result.unreliable).tolist()
         if flagged and refits is not None:
             if one.is_joint or one.is_part:
@@ -134,14 +130,16 @@ def leave_one_out(posterior: xr.DataTree) -> LeaveOneOut:
     )
 
 
-def _all_tests(results: Sequence[LeaveOneOut], doubts: tuple[str, ...]) -> LeaveOneOut:
-    """Put the points of several tests one after the other."""
+def _of_all_tests(one: Fit) -> LeaveOneOut:
+    """Return the elpd of the points of all tests of a fit, one after the other."""
+    results = [leave_one_out(test.posterior) for test in tests_of(one)]
     return LeaveOneOut(
         elpd=np.concatenate([one.elpd for one in results]),
         pareto_k=np.concatenate([one.pareto_k for one in results]),
         exact=np.concatenate([one.exact for one in results]),
         lppd=sum(one.lppd for one in results),
-        doubts=doubts,
+        doubts=sampling_doubts(one, one.problem.name, "its elpd may be far off"),
+        notes=read_off_sentences(one.read_off),
     )
 
 

@@ -118,8 +118,8 @@ def _numbered(flags: BoolArray) -> str:
 def comparison_table(comparison: Comparison) -> pd.DataFrame:
     """Return the numbers of a comparison, a row for each fit, the best first.
 
-    Columns are variant, elpd, se, difference (to the best), difference_se, weight, n_effective,
-    high_k (points with a Pareto k above 0.7), left_out (of these, left out in earnest).
+    `high_k` counts points with a Pareto k above 0.7, `left_out` those of them that were fitted
+    without.
     """
     best = next(iter(comparison.results.values()))
     rows = {}
@@ -140,11 +140,7 @@ def comparison_table(comparison: Comparison) -> pd.DataFrame:
 
 
 def pointwise_table(comparison: Comparison) -> pd.DataFrame:
-    """Return every point's numbers, a row for each point, numbered from 1.
-
-    Columns are test (of joint fits only), strain or time_s, and for each fit ``NAME elpd``,
-    ``NAME pareto_k`` and ``NAME left_out``.
-    """
+    """Return every point's numbers, a row for each point, numbered from 1."""
     columns: dict[str, npt.NDArray[Any]] = {}
     if has_several_tests(comparison):
         columns["test"] = comparison.position["test"].to_numpy()
@@ -161,12 +157,7 @@ def pointwise_table(comparison: Comparison) -> pd.DataFrame:
 
 
 def table_of_fits(comparison: ComparisonByTest) -> pd.DataFrame:
-    """Return the numbers of a comparison by test, a row for each fit, the best first.
-
-    Columns are variant, elpd (sum over the tests left out), monte_carlo_error, per_point,
-    difference (to the best), difference_se (over the tests), difference_monte_carlo_error,
-    weight.
-    """
+    """Return the numbers of a comparison by test, a row for each fit, the best first."""
     best = next(iter(comparison.results.values()))
     rows = {}
     for (name, result), weight in zip(comparison.results.items(), comparison.weights, strict=True):
@@ -185,11 +176,7 @@ def table_of_fits(comparison: ComparisonByTest) -> pd.DataFrame:
 
 
 def table_of_tests(comparison: ComparisonByTest) -> pd.DataFrame:
-    """Return the log density of every left-out test under every fit, a row for each test.
-
-    Columns are points, and for each fit ``NAME elpd``, ``NAME monte_carlo_error``, ``NAME
-    per_point``.
-    """
+    """Return the log density of every left-out test under every fit, a row for each test."""
     first = next(iter(comparison.results.values()))
     columns: dict[str, npt.NDArray[Any]] = {"points": first.n_points}
     for name, result in comparison.results.items():
@@ -232,17 +219,11 @@ def what_a_yes_leaves_open(fit: Fit) -> tuple[str, ...]:
 def _command(*words: str | Path) -> str:
     """Return a command, paths as they are seen from the working directory."""
     here = Path.cwd()
-    return shlex.join(
-        [
-            "pyburgers",
-            *(
-                str(word.relative_to(here))
-                if isinstance(word, Path) and word.is_relative_to(here)
-                else str(word)
-                for word in words
-            ),
-        ]
+    near = (
+        word.relative_to(here) if isinstance(word, Path) and word.is_relative_to(here) else word
+        for word in words
     )
+    return shlex.join(["pyburgers", *map(str, near)])
 
 
 def parameter_shifts(fits: Mapping[str, Fit]) -> pd.DataFrame:

@@ -9,13 +9,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from pyburgers.checks.fit_checks import PARETO_K_LIMIT
-from pyburgers.common.array_types import BoolArray, FloatArray
-from pyburgers.comparison.results import (
-    Comparison,
-    ComparisonByTest,
-    LeaveOneOut,
-    has_several_tests,
-)
+from pyburgers.common.array_types import BoolArray
+from pyburgers.comparison.results import Comparison, ComparisonByTest, has_several_tests
 from pyburgers.drawing.panels import draw_dots, figure_of
 from pyburgers.drawing.style import (
     BLACK,
@@ -29,9 +24,10 @@ from pyburgers.drawing.style import (
 )
 
 FIT_COLOURS = (VERMILION, BLUE, GREEN, PURPLE, ORANGE)
-REFITTED: dict[str, Any] = {"marker": "o", "color": BLACK, "markersize": 9, "fillstyle": "none"}
-DOUBTFUL: dict[str, Any] = {"marker": "x", "color": BLACK, "markersize": 8}
-"""Marks of points that were left out by fitting again, and of those that cannot be trusted."""
+RING: dict[str, Any] = {"marker": "o", "color": BLACK, "markersize": 9, "fillstyle": "none"}
+CROSS: dict[str, Any] = {"marker": "x", "color": BLACK, "markersize": 8}
+MARKS = {"exact": ("left out by fitting again", RING), "unreliable": ("doubtful", CROSS)}
+"""Names and marks of points by what a `LeaveOneOut` says of them."""
 
 TEST_SHIFT = 0.12
 """Distance of the fits of a test from each other; tests are 1 apart."""
@@ -64,14 +60,23 @@ def pointwise_differences(comparison: Comparison) -> Figure:
         for column, (test, here) in enumerate(tests.items()):
             points, sums = panels[:, column]
             for k, (name, result) in enumerate(others):
-                _draw_differences(points, along, here, k, f"{name} less {best_name}", result, best)
-                sums.step(
+                difference = result.elpd - best.elpd
+                colour = FIT_COLOURS[k % len(FIT_COLOURS)]
+                draw_dots(
+                    points,
                     along[here],
-                    np.cumsum((result.elpd - best.elpd)[here]),
-                    where="post",
-                    color=FIT_COLOURS[k % len(FIT_COLOURS)],
-                    linewidth=1.4,
+                    difference[here],
+                    colour=colour,
+                    face=colour,
+                    size=3.5,
+                    marker=MARKERS[k % len(MARKERS)],
+                    label=f"{name} less {best_name}",
                 )
+                for said, (_, mark) in MARKS.items():
+                    some = here & (getattr(result, said) | getattr(best, said))
+                    points.plot(along[some], difference[some], linestyle="none", **mark)
+                summed = np.cumsum(difference[here])
+                sums.step(along[here], summed, where="post", color=colour, linewidth=1.4)
             for axes in (points, sums):
                 axes.axhline(0.0, color=BLACK, linewidth=0.8)
                 axes.yaxis.set_major_locator(few_ticks(5))
@@ -79,22 +84,13 @@ def pointwise_differences(comparison: Comparison) -> Figure:
             sums.set_xlabel(comparison.clock.label)
         panels[0, 0].set_ylabel("difference of a point's\nlog density (–)")
         panels[1, 0].set_ylabel("added up (–)")
-        _legend_above(figure, panels[0, 0], _marks(comparison))
+        marks = [
+            Line2D([], [], linestyle="none", label=label, **mark)
+            for said, (label, mark) in MARKS.items()
+            if any(getattr(one, said).any() for one in comparison.results.values())
+        ]
+        _legend_above(figure, panels[0, 0], marks)
     return figure
-
-
-def _marks(comparison: Comparison) -> list[Line2D]:
-    """Return handles of the marks that some points have."""
-    results = comparison.results.values()
-    marked = {
-        "left out by fitting again": (REFITTED, any(one.exact.any() for one in results)),
-        "doubtful": (DOUBTFUL, any(one.unreliable.any() for one in results)),
-    }
-    return [
-        Line2D([], [], linestyle="none", label=label, **mark)
-        for label, (mark, any_point) in marked.items()
-        if any_point
-    ]
 
 
 def _legend_above(figure: Figure, axes: Axes, marks: Sequence[Line2D] = ()) -> None:
@@ -112,26 +108,6 @@ def _tests(comparison: Comparison) -> dict[str, BoolArray]:
         return {"": np.ones(comparison.position.size, dtype=bool)}
     of_point = comparison.position["test"].to_numpy()
     return {str(name): of_point == name for name in dict.fromkeys(of_point)}
-
-
-def _draw_differences(
-    axes: Axes,
-    along: FloatArray,
-    here: BoolArray,
-    number: int,
-    label: str,
-    result: LeaveOneOut,
-    best: LeaveOneOut,
-) -> None:
-    """Draw what one fit loses to the best at the points of a test, and mark doubtful points."""
-    difference = result.elpd - best.elpd
-    colour, marker = FIT_COLOURS[number % len(FIT_COLOURS)], MARKERS[number % len(MARKERS)]
-    shown = along[here], difference[here]
-    draw_dots(axes, *shown, colour=colour, face=colour, size=3.5, marker=marker, label=label)
-    exact = here & (result.exact | best.exact)
-    axes.plot(along[exact], difference[exact], linestyle="none", **REFITTED)
-    doubtful = here & (result.unreliable | best.unreliable)
-    axes.plot(along[doubtful], difference[doubtful], linestyle="none", **DOUBTFUL)
 
 
 def left_out_tests(comparison: ComparisonByTest) -> Figure:

@@ -30,7 +30,6 @@ from pyburgers.posterior.labelled_draws import relative_efficiency
 
 logger = logging.getLogger(__name__)
 
-
 DRAWS_PER_DIMENSION = 4
 """Least number of draws for each dimension that a proposal is fitted to."""
 

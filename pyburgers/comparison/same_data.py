@@ -26,11 +26,8 @@ MAX_STACKING_STEPS = 100_000
 
 def sampling_doubts(one: SampledFit, name: str, consequence: str) -> tuple[str, ...]:
     """Say which checks of its draws a fit of something failed, and what that means here."""
-    failed = [
-        result.name
-        for result in one.checks()
-        if not result.passed and result.check.kind is CheckKind.SAMPLING
-    ]
+    made = [result for result in one.checks() if result.check.kind is CheckKind.SAMPLING]
+    failed = [result.name for result in made if not result.passed]
     if not failed:
         return ()
     return (f"The fit of {name} failed its check of {' and '.join(failed)}: {consequence}.",)

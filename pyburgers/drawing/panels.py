@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
-from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
@@ -25,7 +24,6 @@ RETRODICTIONS = 1000
 MEDIAN_LABEL = "predictive median"
 
 LINES_AND_AREAS = "lines: posterior median, areas: 90 % of draws"
-
 
 STRESS_LABEL = f"differential stress ({STRESS_UNIT})"
 STRAIN_LABEL = f"axial strain ({STRAIN_UNIT})"
@@ -90,7 +88,7 @@ def curve_with_residuals(curve: FittedCurve) -> Figure:
         draw_residuals(lower, curve)
         for position, _ in curve.marks:
             _draw_mark(lower, position)
-        legend_above(figure, (upper, lower))
+        figure.legend(loc="outside upper center", ncols=3)
     return figure
 
 
@@ -248,14 +246,3 @@ def draw_band_panel(
     axes.set_title(heading, loc="left")
     axes.set_ylabel(label)
     axes.legend(loc="best")
-
-
-def legend_above(figure: Figure, panels: Sequence[Axes]) -> None:
-    """Put the legends of several panels together above them."""
-    handles: list[Artist] = []
-    labels: list[str] = []
-    for axes in panels:
-        more, more_labels = axes.get_legend_handles_labels()
-        handles += more
-        labels += more_labels
-    figure.legend(handles, labels, loc="outside upper center", ncols=3)

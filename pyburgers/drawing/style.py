@@ -8,7 +8,7 @@ import re
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
-from typing import Literal, TypeAlias
+from typing import Literal
 
 from matplotlib import rc_context
 from matplotlib.axes import Axes
@@ -72,11 +72,7 @@ def style() -> AbstractContextManager[None]:
     )
 
 
-ImageFormat: TypeAlias = Literal["png", "svg"]
-"""What a figure becomes."""
-
-
-def image(figure: Figure, kind: ImageFormat) -> bytes:
+def image(figure: Figure, kind: Literal["png", "svg"]) -> bytes:
     """Render a figure; the same figure gives the same bytes."""
     # Tick labels are made when a figure is drawn, so the style has to hold here as well.
     with style():

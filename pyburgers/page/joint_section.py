@@ -16,7 +16,7 @@ from pyburgers.common.draws import BAND, TAIL, all_draws, value_text
 from pyburgers.common.units import number
 from pyburgers.comparison.same_data import fits_alone
 from pyburgers.drawing.page_parts import PageFigure, PageSection, PageTable
-from pyburgers.drawing.panels import draw_curve, figure_of, legend_above
+from pyburgers.drawing.panels import draw_curve, figure_of
 from pyburgers.drawing.style import BLUE, VERMILION, few_ticks, few_ticks_of_decades
 from pyburgers.drawing.view import marks_text, view_of, views
 from pyburgers.fitting.fit import Fit
@@ -310,7 +310,8 @@ def all_curves(joint: Fit) -> Figure:
         for axes, curve in zip(panels, curves, strict=True):
             draw_curve(axes, curve)
         panels[-1].set_xlabel(curves[-1].position_label)
-        legend_above(figure, panels[:1])
+        shown = panels[0].get_legend_handles_labels()
+        figure.legend(*shown, loc="outside upper center", ncols=3)
     return figure
 
 

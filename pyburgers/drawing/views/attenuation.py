@@ -146,13 +146,8 @@ def cole_cole(fit: FittedTest) -> Figure:
         for own in _spectra(fit):
             solved = compliances(own.tan_delta, own.modulus * GPA)
             medians = (np.median(values, axis=0) for values in solved)
-            axes.plot(
-                *medians,
-                color=own.colour,
-                linewidth=1.6,
-                linestyle=own.linestyle,
-                label=own.label,
-            )
+            look = {"color": own.colour, "linestyle": own.linestyle, "label": own.label}
+            axes.plot(*medians, linewidth=1.6, **look)
             if readings.modulus.size:
                 rows = own.rows[~readings.is_limit[own.rows]]
                 measured = compliances(readings.tan_delta[rows], readings.modulus[rows] * GPA)
@@ -230,16 +225,9 @@ def residuals(fit: FittedTest) -> Figure:
                 axes.axhline(level, color=BLACK, linestyle=":", linewidth=0.8)
             for own in _spectra(fit) if values.size else ():
                 rows = own.rows[counts[own.rows]]
-                axes.plot(
-                    period[rows],
-                    values[rows],
-                    marker="o",
-                    markersize=3.5,
-                    linewidth=0.8,
-                    linestyle=own.linestyle,
-                    color=own.colour,
-                    label=own.label,
-                )
+                look = {"color": own.colour, "linestyle": own.linestyle, "label": own.label}
+                dots = {"marker": "o", "markersize": 3.5, "linewidth": 0.8}
+                axes.plot(period[rows], values[rows], **look, **dots)
             axes.set_ylabel(f"residual of ln {label} / its sd")
         panels[0].set_xscale("log")
         figure.legend(*panels[0].get_legend_handles_labels(), loc="outside right center")
@@ -250,29 +238,27 @@ def residuals(fit: FittedTest) -> Figure:
 def rms_by_temperature(fit: FittedTest) -> pd.DataFrame:
     """Return the root mean square of what is left over at each temperature, and in all.
 
-    Index temperature_K, the last ``all``; columns attenuations (without limits), rms_log_tan_delta,
-    moduli and rms_log_modulus (natural logarithms, about the median of the model's draws).
+    It is about the median of the model's draws, of natural logarithms; limits do not count.
     """
     experiment = of_kind(fit.experiment, AttenuationExperiment)
-    by_temperature = experiment.conditions.temperature
-    known = ~experiment.readings.is_limit
-    left = np.split(residuals_of(fit), [known.size])
-    rows = {}
-    for name, here in [
-        *((f"{t:g}", by_temperature == t) for t in np.unique(by_temperature)[::-1]),
-        ("all", np.full(by_temperature.size, True)),
-    ]:
-        parts = [
-            left[0][here & known],
-            left[1][here] if left[1].size else left[1],
-        ]
-        rms = [float(np.sqrt(np.mean(part**2))) if part.size else np.nan for part in parts]
-        rows[name] = {
-            "attenuations": parts[0].size,
-            "rms_log_tan_delta": rms[0],
-            "moduli": parts[1].size,
-            "rms_log_modulus": rms[1],
+    temperature, is_limit = experiment.conditions.temperature, experiment.readings.is_limit
+    of_tan_delta, of_modulus = np.split(residuals_of(fit) ** 2, [is_limit.size])
+    squares = pd.DataFrame(
+        {
+            "tan_delta": np.where(is_limit, np.nan, of_tan_delta),
+            "modulus": of_modulus if of_modulus.size else np.nan,
         }
+    )
+    parts = {f"{one:g}": squares[temperature == one] for one in np.unique(temperature)[::-1]}
+    rows = {
+        name: {
+            "attenuations": part["tan_delta"].count(),
+            "rms_log_tan_delta": np.sqrt(part["tan_delta"].mean()),
+            "moduli": part["modulus"].count(),
+            "rms_log_modulus": np.sqrt(part["modulus"].mean()),
+        }
+        for name, part in {**parts, "all": squares}.items()
+    }
     return pd.DataFrame.from_dict(rows, orient="index").rename_axis("temperature_K")
 
 

@@ -63,12 +63,10 @@ def minimum_rates(fit: FittedTest) -> pd.DataFrame:
     """Return the minimum strain rate wherever a sample creeps forward under a constant stress.
 
     A row is one of the `creep_intervals` in which at least half of the draws creep forward
-    throughout; all numbers are those of such draws. Columns: stage (from 1), start_time_s,
-    end_time_s, stress_Pa; those of `MEASURED` (of the readings; NaN where they are few);
-    rate_per_s, rate_q5_per_s, rate_q95_per_s (median and quantiles over the draws); strain,
-    strain_q5, strain_q95 (of draws with a minimum inside; NaN where these are fewer than half);
-    minimum_inside (share of draws whose rate is slower than at both ends in between) and
-    least_at_end (share of those whose rate is least, or as good as that, at the end).
+    throughout; all numbers are those of such draws. Columns of `MEASURED` are NaN where readings
+    are few, those of strain where fewer than half of the draws have a minimum inside.
+    minimum_inside is the share of draws whose rate is slower than at both ends in between,
+    least_at_end that of those whose rate is least, or as good as that, at the end.
     """
     experiment = of_kind(fit.experiment, HistoryExperiment)
     time = positions(fit)

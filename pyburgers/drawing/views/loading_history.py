@@ -24,7 +24,6 @@ from pyburgers.drawing.panels import (
     draw_dots,
     draw_residuals,
     figure_of,
-    legend_above,
 )
 from pyburgers.drawing.style import BLUE, GREY, ORANGE, PURPLE, VERMILION
 from pyburgers.drawing.view import View, curve_of, positions, predicted
@@ -77,7 +76,9 @@ def history(fit: FittedTest) -> Figure:
                 draw_residuals(panel, shown)
         axes[-1].set_xlabel(curves["stress"].position_label)
         axes[0].set_title(experiment.title, loc="left")
-        legend_above(figure, [axes[[name for name, _ in panels].index(_main(experiment).name)]])
+        main = axes[[name for name, _ in panels].index(_main(experiment).name)]
+        shown_there = main.get_legend_handles_labels()
+        figure.legend(*shown_there, loc="outside upper center", ncols=3)
     return figure
 
 
@@ -87,7 +88,7 @@ def fitted_curve(fit: FittedTest) -> FittedCurve:
 
 
 RECOVERY_SHOWN = 1e-3
-"""Slowest rate of recovery that is drawn, over the slowest forward one."""
+"""Slowest rate of recovery that is drawn, over the slowest forward one: it dies away by decades."""
 
 
 @recipe(
@@ -124,21 +125,21 @@ def response(fit: FittedTest) -> Figure:
             )
             _draw_rate(places["rate"], strain, values["strain_rate"][:, here], colour)
             name = "strain" if stage.driven == "stress" else "stress"
-            _draw_log_time(
-                places["log"],
-                time[here] - stage.start_time,
-                values[name][:, here],
-                colour,
-                f"stage {number + 1}: {name}",
-            )
+            end = np.nanmedian(values[name][:, here[-1]])
+            if end != 0:
+                later = here[time[here] > stage.start_time]
+                over_end = values[name][:, later] / end
+                label = f"stage {number + 1}: {name}"
+                draw_band(places["log"], time[later] - stage.start_time, over_end, colour, label)
             read = experiment.reading_stage == number
             if read.any():
                 since = experiment.time[read] - stage.start_time
-                end = np.nanmedian(values[name][:, here[-1]])
-                later = since > 0
-                over_end = experiment.reading[read][later] / end
-                draw_dots(places["log"], since[later], over_end, size=2.5)
-        _cut_slow_recovery(places["rate"], middle["strain_rate"])
+                over_end = experiment.reading[read][since > 0] / end
+                draw_dots(places["log"], since[since > 0], over_end, size=2.5)
+        forward = middle["strain_rate"][middle["strain_rate"] > 0]
+        if forward.size:
+            slowest = RECOVERY_SHOWN * float(forward.min())
+            places["rate"].set_ylim(bottom=max(places["rate"].get_ylim()[0], slowest))
         _label_response(places)
     return figure
 
@@ -171,7 +172,6 @@ def _curve(fit: FittedTest, shown: Quantity) -> FittedCurve:
     """Gather a quantity along time as read and as a fit has it, in display units."""
     experiment = of_kind(fit.experiment, HistoryExperiment)
     _, seconds = time_unit(experiment.end_time)
-    time = positions(fit)
     imposed = np.array([stage.driven == shown.name for stage in experiment.stages])
     curve = curve_of(
         fit,
@@ -184,20 +184,15 @@ def _curve(fit: FittedTest, shown: Quantity) -> FittedCurve:
         rows=experiment.response_is_strain == (shown is STRAIN),
     )
     # What is imposed has no reading error.
-    is_imposed = imposed[stage_of_times(experiment, time)]
+    is_imposed = imposed[stage_of_times(experiment, positions(fit))]
     return replace(curve, replicated=np.where(is_imposed, curve.solutions, curve.replicated))
 
 
 def _shade_stages(axes: Axes, experiment: HistoryExperiment) -> None:
     _, seconds = time_unit(experiment.end_time)
     for stage in experiment.stages[1::2]:
-        axes.axvspan(
-            stage.start_time / seconds,
-            stage.end_time / seconds,
-            color=GREY,
-            alpha=0.18,
-            linewidth=0,
-        )
+        ends = stage.start_time / seconds, stage.end_time / seconds
+        axes.axvspan(*ends, color=GREY, alpha=0.18, linewidth=0)
 
 
 def _draw_rate(axes: Axes, strain: FloatArray, rates: FloatArray, colour: str) -> None:
@@ -216,24 +211,6 @@ def _draw_rate(axes: Axes, strain: FloatArray, rates: FloatArray, colour: str) -
         )
         axes.plot(strain, shown, linestyle=line, color=colour, linewidth=1.6)
     axes.set_yscale("log")
-
-
-def _cut_slow_recovery(axes: Axes, rates: FloatArray) -> None:
-    """Leave out rates of recovery (1/s) that die away over decades below all forward ones."""
-    forward = rates[rates > 0]
-    if forward.size:
-        axes.set_ylim(bottom=max(axes.get_ylim()[0], RECOVERY_SHOWN * float(forward.min())))
-
-
-def _draw_log_time(
-    axes: Axes, since: FloatArray, values: FloatArray, colour: str, label: str
-) -> None:
-    """Draw a stage over its median value at the end."""
-    end = np.nanmedian(values[:, -1])
-    later = since > 0
-    if end == 0:
-        return
-    draw_band(axes, since[later], values[:, later] / end, colour, label)
 
 
 def _label_response(places: dict[str, Axes]) -> None:
@@ -306,10 +283,7 @@ def facts(experiment: HistoryExperiment) -> Sequence[tuple[str, str]]:
             f"{len(experiment.stages)}, solved in {len(experiment.legs)} parts over which what "
             "is imposed is linear in time",
         ),
-        (
-            "Readings",
-            f"{' and '.join(read)}, of {experiment.n_readings_in_file} in the file",
-        ),
+        ("Readings", f"{' and '.join(read)}, of {experiment.n_readings_in_file} in the file"),
         *microstructure_facts(experiment.microstructure, partial(_place, experiment)),
     )
 

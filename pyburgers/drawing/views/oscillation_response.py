@@ -75,11 +75,7 @@ def replicated_response(fit: FittedTest) -> PredictedResponse:
 
 
 def response_table(fit: FittedTest) -> pd.DataFrame:
-    """Compare observed amplitude and lag with those of replicated data, in SI units.
-
-    Index quantity (amplitude, lag), SI units; columns unit, observed, standard_error, median, q5,
-    q95 (of replicated data) and inside: whether the observed value lies between the two.
-    """
+    """Compare observed amplitude and lag with the central 90 % of replicated data, in SI units."""
     observed = observed_response(of_kind(fit.experiment, OscillationExperiment))
     replicated, table = replicated_response(fit), {}
     for name, unit in (("amplitude", "Pa"), ("lag", "rad")):
@@ -131,23 +127,18 @@ def shown_response_table(response: pd.DataFrame) -> pd.DataFrame:
     for name, row in response.iterrows():
         label, unit, factor = shown[str(name)]
         error = row["standard_error"] * factor
-        rows.append(
-            {
-                "quantity": label,
-                "unit": unit,
-                "observed": rounded(row["observed"] * factor, error),
-                "standard error": rounded(error, error),
-                **{
-                    heading: rounded(row[key] * factor, error)
-                    for heading, key in (
-                        ("replicated: median", "median"),
-                        ("5 %", "q5"),
-                        ("95 %", "q95"),
-                    )
-                },
-                "in 90 % band": "yes" if row["inside"] else "NO",
-            }
-        )
+        numbers = {
+            heading: rounded(row[key] * factor, error)
+            for heading, key in (
+                ("observed", "observed"),
+                ("standard error", "standard_error"),
+                ("replicated: median", "median"),
+                ("5 %", "q5"),
+                ("95 %", "q95"),
+            )
+        }
+        inside = "yes" if row["inside"] else "NO"
+        rows.append({"quantity": label, "unit": unit, **numbers, "in 90 % band": inside})
     return pd.DataFrame(rows)
 
 

@@ -318,14 +318,12 @@ def _flow_law_draws(law: FlowLawPrior, alone: Fit, both: Fit) -> dict[str, dict[
 def _agreement(other: FloatArray, alone: FloatArray) -> str:
     """Say how far draws of two sources are from each other."""
     distance = abs(np.mean(alone) - np.mean(other)) / np.hypot(np.std(alone), np.std(other))
+    apart = f"they are {distance:.1f} of their joint standard deviations apart"
     if distance < DISAGREEMENT:
-        return (
-            f"The two sources agree on the flow rate: they are {distance:.1f} of their joint "
-            "standard deviations apart."
-        )
+        return f"The two sources agree on the flow rate: {apart}."
     return (
-        f"The two sources disagree on the flow rate: they are {distance:.1f} of their joint "
-        "standard deviations apart, so that both together bend other parameters of the curve."
+        f"The two sources disagree on the flow rate: {apart}, so that both together bend other "
+        "parameters of the curve."
     )
 
 
@@ -348,12 +346,9 @@ def flow_law_sources_table(draws: Mapping[str, Mapping[str, FloatArray]]) -> pd.
     quantities = next(iter(draws.values()))
     rows = {
         quantity: {
-            f"{source} {name}": float(number)
+            f"{source} {name}": float(moment(values[quantity]))
             for source, values in draws.items()
-            for name, number in (
-                ("mean", np.mean(values[quantity])),
-                ("sd", np.std(values[quantity], ddof=1)),
-            )
+            for name, moment in (("mean", np.mean), ("sd", partial(np.std, ddof=1)))
         }
         for quantity in quantities
     }

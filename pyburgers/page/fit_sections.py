@@ -1,9 +1,9 @@
 """What a page says about a fit, and about fits of the same data, which share a section."""
 
-from collections.abc import Hashable, Iterable, Sequence
+from collections.abc import Callable, Hashable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import pandas as pd
 
@@ -24,6 +24,9 @@ from pyburgers.page.illustrations import Illustration, illustrate
 from pyburgers.page.methods import methods_text
 from pyburgers.page.overview import Entry, entry_of
 from pyburgers.page.posterior_figures import figures_for
+
+T = TypeVar("T")
+K = TypeVar("K", bound=Hashable)
 
 NAMED = ["symbol", "quantity", "unit"]
 """Columns of a table of parameters that say what a row is about."""
@@ -93,11 +96,6 @@ class Section:
     def methods(self) -> str:
         """How the fit was made and what its checks found."""
         return methods_text(self.fit, self.entry.checks, self.entry.verdicts)
-
-    @property
-    def left_open(self) -> tuple[str, ...]:
-        """What the yes of the fit does not exclude, and commands."""
-        return what_a_yes_leaves_open(self.fit)
 
 
 def write_section(key: str, name: str, fit: Fit, out: Path) -> Section:
@@ -181,7 +179,8 @@ class SameData:
         """What a yes does not exclude, and commands; nothing beside a fit of another law."""
         if any(section.fit.variant != self.first.fit.variant for section in self.others):
             return ()
-        return next(filter(None, (section.left_open for section in self.sections)), ())
+        told = (what_a_yes_leaves_open(section.fit) for section in self.sections)
+        return next(filter(None, told), ())
 
     @property
     def conflicts(self) -> list[Said]:
@@ -221,9 +220,8 @@ class SameData:
         decides, brackets say who does.
         """
         if not self.others:
-            decided = [tables.DECISION] if tables.DECISION in self.first.parameters else []
-            columns = [*NAMED, tables.VALUE, *decided]
-            return self._rows(self.first.parameters[columns], left_to_prior=False)
+            rows = self.first.parameters.filter([*NAMED, tables.VALUE, tables.DECISION])
+            return self._rows(rows, left_to_prior=False)
         rows = _union(section.parameters[NAMED] for section in self.sections)
         for section in self.sections:
             told = dict(
@@ -248,13 +246,10 @@ class SameData:
         return (*shift_sentences(usable), *([told] if left_out else []))
 
     @property
-    def left_to_prior(self) -> list[dict[str, str]]:
+    def left_to_prior(self) -> list[dict[Hashable, Any]]:
         """Symbols and quantities that are the prior's in every fit."""
         rows = _union(section.parameters[NAMED] for section in self.sections)
-        return [
-            {str(key): str(value) for key, value in row.items()}
-            for row in self._rows(rows, left_to_prior=True).to_dict("records")
-        ]
+        return self._rows(rows, left_to_prior=True).to_dict("records")
 
     @property
     def doubtful(self) -> dict[str, list[bool]]:
@@ -286,20 +281,20 @@ class SameData:
 
 def by_data(named: Iterable[tuple[str, str, Fit]]) -> list[list[tuple[str, str, Fit]]]:
     """Put fits of equal readings, also in being measured or computed, together in their order."""
-    found: dict[tuple[str, str], list[tuple[str, str, Fit]]] = {}
-    for one in named:
-        fit = one[2]
-        found.setdefault((fit.provenance.kind, data_hash(fit)), []).append(one)
-    return list(found.values())
+    return [*alike(named, lambda one: (one[2].provenance.kind, data_hash(one[2]))).values()]
+
+
+def alike(items: Iterable[T], said: Callable[[T], K]) -> dict[K, list[T]]:
+    """Put items together, in their order, of which the same is said."""
+    found: dict[K, list[T]] = {}
+    for one in items:
+        found.setdefault(said(one), []).append(one)
+    return found
 
 
 def _decided_by(parameters: pd.DataFrame) -> list[str]:
     """Say what decides each quantity, nothing without likelihood."""
-    return (
-        parameters[tables.DECISION].tolist()
-        if tables.DECISION in parameters
-        else [""] * len(parameters)
-    )
+    return list(parameters.get(tables.DECISION, [""] * len(parameters)))
 
 
 def _in_one_cell(parameters: pd.DataFrame) -> list[str]:

@@ -73,14 +73,8 @@ def _draw_map(axes: Axes, used: RateTable, found: MechanismMap) -> None:
     lines = axes.contour(across, up, powers, levels=levels, colors="black", linewidths=0.7)
     axes.clabel(lines, fontsize="x-small", fmt="%.0f")
     if not found.is_supported.all():
-        axes.contourf(
-            across,
-            up,
-            ~found.is_supported,
-            levels=[0.5, 1.5],
-            colors="none",
-            hatches=["///"],
-        )
+        unseen = ~found.is_supported
+        axes.contourf(across, up, unseen, levels=[0.5, 1.5], colors="none", hatches=["///"])
     if found.over_grain_size:
         axes.set_xscale("log")
         axes.set_xlabel(f"grain size ({LENGTH_UNIT})")

@@ -124,7 +124,12 @@ def _verdict(verdict: Verdict, checks: Sequence[CheckResult]) -> str:
 
 def bibtex(fits: Iterable[SampledFit]) -> str:
     """Return BibTeX entries of measured data, the model, Stan, ArviZ and this software."""
-    return "\n".join([*_data_entries(fits), REFERENCES, _software_entry()])
+    about = importlib.metadata.metadata("pyburgers")
+    software = (
+        f"@misc{{pyburgers,\n  author = {{{{The pyburgers developers}}}},\n"
+        f"  title = {{pyburgers: {about['Summary']}}},\n  note = {{Version {about['Version']}}}\n}}"
+    )
+    return "\n".join([*_data_entries(fits), REFERENCES, software])
 
 
 def _data_entries(fits: Iterable[SampledFit]) -> Iterator[str]:
@@ -140,15 +145,6 @@ def _data_entries(fits: Iterable[SampledFit]) -> Iterator[str]:
             f"@misc{{data_{number},\n  title = {{{{{source.translate(_ESCAPED)}}}}},{doi_text}\n"
             f"  note = {{{kind.capitalize()} data}}\n}}"
         )
-
-
-def _software_entry() -> str:
-    """Return the entry of this software from the metadata of the package."""
-    about = importlib.metadata.metadata("pyburgers")
-    return (
-        f"@misc{{pyburgers,\n  author = {{{{The pyburgers developers}}}},\n"
-        f"  title = {{pyburgers: {about['Summary']}}},\n  note = {{Version {about['Version']}}}\n}}"
-    )
 
 
 REPORT_KIND = "pyburgers report"

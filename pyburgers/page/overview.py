@@ -4,7 +4,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import pandas as pd
-import xarray as xr
 
 from pyburgers.checks.fit_checks import CheckKind, CheckResult, Outcome, coverage
 from pyburgers.checks.prior_influence import (
@@ -191,18 +190,15 @@ def _conflicts_text(influences: Mapping[str, Influence]) -> str:
 
 
 def _stress_exponent(fit: SampledFit, influences: Mapping[str, Influence]) -> str:
-    """Value and who decides it, or the value that was not inferred."""
-    there = fit.posterior["posterior"].to_dataset()
-    names = [str(name) for name in there if str(name).split("[")[0] == "stress_exponent"]
-    return "; ".join(_exponent_text(there[name], influences) for name in names)
-
-
-def _exponent_text(draws: xr.DataArray, influences: Mapping[str, Influence]) -> str:
-    """Say what one exponent is; a mechanism's is followed by the name of the mechanism."""
-    name = str(draws.name)
-    if draws.attrs["fixed"]:
-        return f"{number(float(draws[0, 0]))} (fixed)"
-    decided = decision_columns(influences.get(name))
-    text = decision_text(name, str(decided["decided_by"]), str(decided["by_prior_of"]))
-    value = value_text(all_draws(draws))
-    return f"{value}, {text}" if text else value
+    """Value and who decides it, of each mechanism, or the value that was not inferred."""
+    said = []
+    for name, draws in fit.posterior["posterior"].to_dataset().items():
+        if str(name).split("[")[0] != "stress_exponent":
+            continue
+        if draws.attrs["fixed"]:
+            said.append(f"{number(float(draws[0, 0]))} (fixed)")
+            continue
+        decided = decision_columns(influences.get(str(name)))
+        text = decision_text(str(name), str(decided["decided_by"]), str(decided["by_prior_of"]))
+        said.append(", ".join(filter(None, (value_text(all_draws(draws)), text))))
+    return "; ".join(said)

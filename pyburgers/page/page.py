@@ -28,7 +28,7 @@ from pyburgers.model.parameters import PARAMETER_BY_NAME
 from pyburgers.model.reference_quantities import REFERENCE_QUANTITIES
 from pyburgers.page import tables
 from pyburgers.page.comparison_sections import comparison_sections
-from pyburgers.page.fit_sections import SameData, Section, by_data, write_section
+from pyburgers.page.fit_sections import SameData, Section, alike, by_data, write_section
 from pyburgers.page.glossary import SHARE_TEXT, with_definitions
 from pyburgers.page.illustrations import (
     Illustration,
@@ -330,14 +330,14 @@ def render_page(
         kinds=tuple(CheckKind),
         outcomes=Outcome,
         checks_made={kind: _names_of_checks(entries, kind) for kind in CheckKind},
-        laws_of_fits=_laws_of_fits(sections),
+        laws_of_fits=alike(sections, lambda one: one.fit.variant.text).items(),
         tests_of_joint_fits=any(section.fit.is_part for section in sections),
         synthetic=[entry for entry in entries if entry.is_synthetic],
         prior_sources=tables.prior_sources([s.priors for s in sections]),
         prior_notes=list(dict.fromkeys(s.fit.priors.notes for s in sections if s.fit.priors.notes)),
         # The first part of the page that has a paragraph in its details tells it.
         told_by={text: extra for extra, _ in reversed(extras) for text in extra.details},
-        made_alike=_made_alike(sections),
+        made_alike=alike(sections, lambda one: (one.methods, one.fit.manifest["command"])).values(),
         is_of_one_fit=len(entries) == 1 and not any(not extra.after_fits for extra, _ in extras),
         findings=[
             one
@@ -358,23 +358,6 @@ def render_page(
         not_by_data=tables.not_by_data,
         checks_page_table=tables.checks_page_table,
     )
-
-
-def _made_alike(sections: Sequence[Section]) -> list[list[Section]]:
-    """Put together fits of which the page tells the same about how they were made."""
-    found: dict[tuple[str, str], list[Section]] = {}
-    for section in sections:
-        made = section.methods, section.fit.manifest["command"]
-        found.setdefault(made, []).append(section)
-    return list(found.values())
-
-
-def _laws_of_fits(sections: Sequence[Section]) -> list[tuple[str, list[Section]]]:
-    """Return the laws of the fits in words, each once, and the fits that have them."""
-    found: dict[str, list[Section]] = {}
-    for section in sections:
-        found.setdefault(section.fit.variant.text, []).append(section)
-    return list(found.items())
 
 
 def _names_of_checks(entries: Sequence[Entry], kind: CheckKind) -> list[str]:

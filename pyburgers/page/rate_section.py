@@ -6,11 +6,11 @@ import numpy as np
 import pandas as pd
 from markupsafe import escape
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter
+from matplotlib.ticker import StrMethodFormatter
 
 from pyburgers.common.draws import all_draws, value_text
 from pyburgers.common.units import counted, number, with_error
-from pyburgers.drawing.page_parts import PageFigure, PageSection, PageTable
+from pyburgers.drawing.page_parts import PageFigure, PageSection, PageTable, text_table
 from pyburgers.drawing.panels import draw_band, draw_dots, figure_of
 from pyburgers.drawing.style import MARKERS
 from pyburgers.flow_law_tables.fit import RateFit
@@ -301,14 +301,15 @@ def law_table(fit: RateFit) -> pd.DataFrame:
 def held_out_shown(fit: RateFit) -> pd.DataFrame:
     """Return `RateFit.held_out_table` as text."""
     table = fit.held_out_table()
-    return pd.DataFrame(
+    return text_table(
+        table.assign(source=table.index, inside=100 * table["inside_90"]),
         {
-            "source": table.index,
-            "rows": table["rows"].astype(str),
-            "inside the 90 % band": [f"{100 * one:.0f} %" for one in table["inside_90"]],
-            "mean residual": [f"{one:+.2f}" for one in table["mean_residual"]],
-            "log density": [f"{one:.1f}" for one in table["log_density"]],
-        }
+            "source": "{source}",
+            "rows": "{rows}",
+            "inside the 90 % band": "{inside:.0f} %",
+            "mean residual": "{mean_residual:+.2f}",
+            "log density": "{log_density:.1f}",
+        },
     )
 
 
@@ -328,23 +329,14 @@ def law_figure(fit: RateFit) -> Figure:
         axes = figure.subplots()
         for k, line in enumerate(lines(data)):
             colour = COLOURS[k % len(COLOURS)]
-            grains = (
-                ""
-                if np.isnan(line.grain_size)
-                else f", {line.grain_size * LENGTH_FACTOR:.3g} {LENGTH_UNIT}"
-            )
-            draw_band(
-                axes,
-                line.stress * STRESS_FACTOR,
-                np.exp(log_rates[:, k]),
-                colour,
-                f"{line.temperature:.0f} K{grains}",
-            )
+            label = f"{line.temperature:.0f} K"
+            if not np.isnan(line.grain_size):
+                label += f", {line.grain_size * LENGTH_FACTOR:.3g} {LENGTH_UNIT}"
+            along = line.stress * STRESS_FACTOR
+            draw_band(axes, along, np.exp(log_rates[:, k]), colour, label)
             if fit.softening is not None:
                 median = np.exp(np.median(undeformed[:, k], axis=0))
-                axes.plot(
-                    line.stress * STRESS_FACTOR, median, "--", color=colour, label="undeformed"
-                )
+                axes.plot(along, median, "--", color=colour, label="undeformed")
             stress = data.stress[line.rows]
             middle = np.interp(
                 np.log(stress), np.log(line.stress), np.median(log_rates[:, k], axis=0)
@@ -363,8 +355,8 @@ def law_figure(fit: RateFit) -> Figure:
         axes.set_yscale("log")
         low, high = axes.get_xlim()
         if high < 10 * low:
-            axes.xaxis.set_major_formatter(FuncFormatter(_plain))
-            axes.xaxis.set_minor_formatter(FuncFormatter(_plain))
+            axes.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+            axes.xaxis.set_minor_formatter(StrMethodFormatter("{x:g}"))
         axes.set_xlabel(f"stress ({STRESS_UNIT})")
         axes.set_ylabel("strain rate (1/s)")
         axes.set_title(
@@ -376,20 +368,12 @@ def law_figure(fit: RateFit) -> Figure:
     return figure
 
 
-def _plain(value: float, _: int) -> str:
-    """Label a tick without an exponent; not a lambda, which could not travel between processes."""
-    return number(value)
-
-
 def residual_figure(fit: RateFit) -> Figure:
     """Draw residuals of ln(rate) by source, and the bias of each source."""
     used = fit.used
     residual = all_draws(fit.posterior["residuals"].to_dataset()["residual"]).mean(axis=0)
-    biases = (
-        fit.posterior["driving_errors"].to_dataset()
-        if "driving_errors" in fit.posterior.children
-        else None
-    )
+    children = fit.posterior.children
+    biases = children["driving_errors"].to_dataset() if "driving_errors" in children else None
     rng = np.random.default_rng(0)
     with figure_of(6.4, 1.2 + 0.24 * len(used.sources)) as figure:
         axes = figure.subplots()

@@ -225,12 +225,12 @@ def prior_table(priors: PriorSet) -> pd.DataFrame:
     return pd.DataFrame(
         [
             {
-                "symbol": symbol_text(parameter),
-                "quantity": parameter.label,
-                "prior": prior_text(priors[parameter.name]),
-                "source": priors[parameter.name].source,
+                "symbol": symbol_text(PARAMETER_BY_NAME[name]),
+                "quantity": PARAMETER_BY_NAME[name].label,
+                "prior": prior_text(prior),
+                "source": prior.source,
             }
-            for parameter in (PARAMETER_BY_NAME[name] for name in priors.priors)
+            for name, prior in priors.priors.items()
         ]
     )
 
@@ -280,16 +280,10 @@ VERDICT_WORDS = {Outcome.YES: "passed", Outcome.NO: "FAILED", Outcome.CANNOT_TEL
 
 
 def checks_table(checks: Sequence[CheckResult]) -> pd.DataFrame:
-    """Verdicts: columns check, verdict (passed, FAILED or cannot tell), sentence."""
+    """Return the verdict of each check in words."""
     return pd.DataFrame(
-        [
-            {
-                "check": check.name,
-                "verdict": VERDICT_WORDS[check.outcome],
-                "sentence": check.sentence,
-            }
-            for check in checks
-        ]
+        [(one.name, VERDICT_WORDS[one.outcome], one.sentence) for one in checks],
+        columns=["check", "verdict", "sentence"],
     )
 
 

@@ -146,8 +146,9 @@ def cole_cole(fit: FittedTest) -> Figure:
         for own in _spectra(fit):
             solved = compliances(own.tan_delta, own.modulus * GPA)
             medians = (np.median(values, axis=0) for values in solved)
-            look = {"color": own.colour, "linestyle": own.linestyle, "label": own.label}
-            axes.plot(*medians, linewidth=1.6, **look)
+            axes.plot(
+                *medians, color=own.colour, linewidth=1.6, linestyle=own.linestyle, label=own.label
+            )
             if readings.modulus.size:
                 rows = own.rows[~readings.is_limit[own.rows]]
                 measured = compliances(readings.tan_delta[rows], readings.modulus[rows] * GPA)

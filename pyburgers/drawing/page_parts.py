@@ -44,13 +44,9 @@ class PageFigure:
 
 @dataclass(frozen=True)
 class FigureRecipe:
-    """A figure of the fits of a kind.
+    """A figure of the fits of a kind, with its caption, or what returns it for a fit.
 
-    `caption`: what is shown and how to read it, one paragraph, or what returns it for a fit.
-    `draw`: draws it for a fit.
-    `result`: says in a sentence what it shows of a fit, for those who cannot see it.
-    `suits`: whether the section of a fit holds it; else it is drawn where it is asked for. By
-        default every section does.
+    `suits`: whether the section of a fit holds it; else it is drawn where it is asked for.
     """
 
     name: str

@@ -25,10 +25,7 @@ logger = logging.getLogger(__name__)
 
 
 def shown_fits(campaign: Campaign, out: Path) -> tuple[list[Fit], PageSection] | None:
-    """Return complete fits of a campaign, the first seed of each model, and the part about all.
-
-    None if no fit is complete.
-    """
+    """Return complete fits of a campaign, one seed a model, and the part about all; or None."""
     table = status_table(campaign, out)
     complete: dict[Combination, Fit] = {}
     for one in campaign.tasks:

@@ -1,7 +1,4 @@
-"""Parts of a page about several fits of the same data: which predicts best.
-
-By points, by whole tests left out, and with a flow law from another source and without.
-"""
+"""Parts of a page about fits of the same data: which predicts best, and sources of a flow law."""
 
 import shlex
 from collections.abc import Iterator, Mapping, Sequence

@@ -88,12 +88,9 @@ class PriorOfLogarithm:
 
 @dataclass(frozen=True)
 class ShownDraws:
-    """What panels show of a quantity.
+    """What panels show of a quantity: `draws` (dimensions chain and draw) and `truth` in SI units.
 
-    `quantity`: symbol and units.
-    `draws`: dimensions chain and draw, SI units.
-    `prior`: None of what follows from other parameters.
-    `truth`: its value in synthetic data (SI units), else None.
+    What follows from other parameters has no prior.
     """
 
     quantity: Parameter

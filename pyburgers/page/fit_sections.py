@@ -212,12 +212,10 @@ class SameData:
 
     @property
     def values(self) -> pd.DataFrame:
-        """Return what data say of the parameters: rows that are not the prior's in every fit.
+        """Return what data say of the parameters as text: rows not left to the prior in all.
 
-        All cells are text. Columns are symbol, quantity and unit, then of one fit the value and,
-        with a likelihood, what decides. Several fits have the value of each. There, the word prior
-        takes the place of a number that its own prior decides. If neither data nor that prior
-        decides, brackets say who does.
+        Several fits have a column each. There, the word prior takes the place of a number that its
+        own prior decides. If neither data nor that prior decides, brackets say who does.
         """
         if not self.others:
             rows = self.first.parameters.filter([*NAMED, tables.VALUE, tables.DECISION])

@@ -39,10 +39,9 @@ from pyburgers.posterior.labelled_draws import own_name
 def pooling_table(joint: Fit, separate: Sequence[Fit] = ()) -> pd.DataFrame:
     """Return mean and standard deviation (SI) of each parameter in each test.
 
-    Columns quantity, test, pooling (`Problem.kind`, or "derived" for the reference), mean, sd,
-    decided_by and by_prior_of (empty without likelihood); separate_mean, separate_sd and sd_ratio
-    of the first separate fit of the same data, NaN where there is none. `quoted` and
-    `separate_quoted` are texts in display units (`quoted_or_prior`).
+    Pooling is `Problem.kind`, or "derived" for the reference. Separate columns are about the first
+    separate fit of the same data, NaN where there is none. `quoted` and `separate_quoted` are texts
+    in display units (`quoted_or_prior`).
     """
     tests, alone = joint.tests(), fits_alone(joint, separate)
     problem, reference = joint.problem, joint.problem.likelihood.reference.name

@@ -1,7 +1,4 @@
-"""Figures of the posterior of any fit: what is drawn, and beside each how to read it.
-
-Every function takes a fit and returns a figure of its own.
-"""
+"""Figures of the posterior of any fit: what is drawn, and beside each how to read it."""
 
 import textwrap
 from collections.abc import Sequence

@@ -1,8 +1,4 @@
-"""Tables for people: display units, digits by the standard deviation, priors and truth beside.
-
-Everything here returns text to be printed; the numbers at full precision in SI units are those of
-`Fit.summary` and of `truth_table`.
-"""
+"""Tables for people: display units, digits by the standard deviation, priors and truth beside."""
 
 from collections.abc import Hashable, Mapping, Sequence
 from typing import Any
@@ -185,10 +181,7 @@ def posterior_row(
 
 
 def _with_digits(values: Mapping[str, float]) -> dict[str, str]:
-    """Return numbers as `rounded` does; with two digits what would be 0, and all if some are long.
-
-    Among them are the mean and the sd.
-    """
+    """Return `rounded` numbers; with two digits what would be 0, and all of them if one is long."""
     sd = values["sd"]
     texts = {title: rounded(value, sd) for title, value in values.items()}
     is_long = max(map(len, texts.values())) > LONGEST_NUMBER and sd > 0.1 * abs(values["mean"])
@@ -246,11 +239,7 @@ def prior_sources(tables: Sequence[pd.DataFrame]) -> pd.DataFrame:
 
 
 def truth_table(fit: Fit) -> pd.DataFrame | None:
-    """Compare the posterior with the known parameters behind synthetic data; None without any.
-
-    Index parameter (free ones), SI units; columns unit, truth, mean, sd, and a verdict
-    ``inside_50``, ``inside_90``, ``inside_95`` for each central interval.
-    """
+    """Compare free parameters (SI) with the known ones behind synthetic data; None without any."""
     truths = fit.experiment.true_parameters
     if truths is None:
         return None

@@ -198,10 +198,7 @@ def _all_draws(fit: Draws, problem: Problem, draws: Mapping[str, xr.Dataset]) ->
 
 
 def driving_errors(fit: Draws, experiments: Sequence[Experiment]) -> xr.Dataset:
-    """Return standardised errors of what drives the tests, by chain and draw.
-
-    Their names are driving_error[K], of several tests driving_error[TEST, K].
-    """
+    """Return standardised errors of what drives tests: driving_error[K] or driving_error[ID, K]."""
     labels = [
         str(k) if len(experiments) == 1 else f"{experiment.id}, {k}"
         for experiment in experiments

@@ -31,10 +31,7 @@ MICROSTRUCTURE_LOG_LIKELIHOOD = "microstructure_log_lik"
 
 
 def drawn_at_points(fit: Draws) -> xr.Dataset:
-    """Return responses with and without noise and densities by chain, draw and point.
-
-    If residuals are correlated, `GIVEN_OTHERS` is there too.
-    """
+    """Return responses with and without noise and densities by chain, draw and point."""
     names = ["response_model", "response_replicated", "log_lik"]
     if GIVEN_OTHERS in fit:
         names.append(GIVEN_OTHERS)
@@ -142,11 +139,7 @@ def keep_posterior(
     data_kind: str,
     protocols: Mapping[str, str] | None = None,
 ) -> xr.DataTree:
-    """Save groups of draws, by ArviZ's names, as the posterior of a run with finished chains.
-
-    Experiment (or table) and the kind of its data become attributes of the tree. Its part about a
-    test has the test's protocol.
-    """
+    """Save groups of draws, by ArviZ's names, as the posterior of a run with finished chains."""
     tree: xr.DataTree = xr.DataTree.from_dict(
         {name: dataset.drop_attrs(deep=False) for name, dataset in groups.items()}
     )

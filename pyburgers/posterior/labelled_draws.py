@@ -144,10 +144,7 @@ ARVIZ_GROUPS = (
 
 
 def arviz_data(posterior: xr.DataTree, prior_groups: Mapping[str, xr.Dataset]) -> Any:
-    """Return labelled draws of all that was sampled, and groups of the prior, as ArviZ's object.
-
-    It is InferenceData of ArviZ 0.x and DataTree of 1.x.
-    """
+    """Return draws and groups of the prior as ArviZ's InferenceData (0.x) or DataTree (1.x)."""
     groups: dict[str, Any] = {
         "posterior": sampled_draws(posterior),
         **{
@@ -181,10 +178,7 @@ def convergence_table(posterior: xr.DataTree) -> pd.DataFrame:
 
 
 def largest_rhat(posterior: xr.DataTree) -> float:
-    """Return the largest R-hat of sampled quantities, between the halves of a single chain.
-
-    It is NaN if draws of a quantity never moved.
-    """
+    """Return the largest R-hat, between halves of a single chain; NaN if some draws never moved."""
     draws = sampled_draws(posterior)
     if draws.sizes["chain"] == 1:
         half = draws.sizes["draw"] // 2
@@ -243,20 +237,13 @@ def on_scale_of_prior(draws: FloatArray, prior: Prior) -> FloatArray:
 
 
 def width_beside_prior(draws: FloatArray, prior: Prior) -> float:
-    """Return the standard deviation of draws (SI) over that of their prior.
-
-    Both are of the logarithm where the prior is lognormal.
-    """
+    """Return the sd of draws (SI) over that of their prior, both on the scale of the prior."""
     prior_sd = prior.scale if prior.family == "lognormal" else prior.distribution().std()
     return float(np.std(on_scale_of_prior(draws, prior), ddof=1) / prior_sd)
 
 
 def summary_table(posterior: xr.DataTree, priors: PriorSet) -> pd.DataFrame:
-    """Return the posterior table in SI units with the prior beside it.
-
-    Columns are those of `draws_table`, then prior, prior_mean, prior_sd, prior_q5, prior_q95
-    and width_beside_prior; NaN for the reference stress or flow rate.
-    """
+    """Return `draws_table` with the prior beside it; NaN for the reference stress or flow rate."""
     table, draws = draws_table(posterior), posterior["posterior"].to_dataset()
     rows: dict[str, dict[str, Any]] = {}
     for name in table.index:
@@ -300,10 +287,7 @@ def pareto_k(log_ratios: FloatArray) -> float:
 
 
 def relative_efficiency(values: xr.DataArray) -> FloatArray:
-    """Return effective over nominal number of draws of means along the third dimension, (n,).
-
-    It is 1 if the draws never vary.
-    """
+    """Return effective over nominal draws of means along dimension three, (n,); 1 if all equal."""
     with np.errstate(invalid="ignore", divide="ignore"):  # draws that never moved
         found = az.ess(xr.Dataset({"values": values}), method="mean")
     n_draws = values.sizes["chain"] * values.sizes["draw"]

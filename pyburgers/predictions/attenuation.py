@@ -397,10 +397,7 @@ def quantile_table(spectrum: xr.Dataset) -> pd.DataFrame:
 
 
 def overview_table(spectrum: xr.Dataset) -> pd.DataFrame:
-    """Return attenuation at a few frequencies as text, a row for each regime.
-
-    At most `OVERVIEW_FREQUENCIES` frequencies have a column, with median and 5 and 95 % of draws.
-    """
+    """Return median and 5 and 95 % of draws at a few frequencies as text, a row for each regime."""
     frequency = spectrum["frequency"].to_numpy()
     n_shown = min(OVERVIEW_FREQUENCIES, frequency.size)
     shown = np.linspace(0, frequency.size - 1, n_shown).round().astype(int)

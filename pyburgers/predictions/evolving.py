@@ -75,11 +75,10 @@ def evolving_attenuation(
     """Solve hold and cycles (at least 2) with evolving microstructure, beside the closed form.
 
     At most `max_draws` evenly spaced draws are solved, from the microstructure of the material at
-    the start of the hold. Dimensions are draw, regime, frequency; variables ``tan_delta_frozen``,
-    ``tan_delta_evolving``, ``fluidity_ratio`` (loss of the dashpot, evolving over frozen), and
-    ``path_strain``, ``grain_size`` (m) and ``fabric_factor`` at the end of the cycles. Raises
-    `InputError` if a number is out of range, or the Kelvin part not one linear element, and
-    `SamplingError` if the solver finds no solution.
+    the start of the hold. ``fluidity_ratio`` is the loss of the dashpot, evolving over frozen; path
+    strain, grain size and fabric factor are those at the end of the cycles. Raises `InputError` if
+    a number is out of range, or the Kelvin part not one linear element, and `SamplingError` if the
+    solver finds no solution.
     """
     frequency, hold = (
         checked_frequencies(frequencies),
@@ -202,11 +201,7 @@ def solve_imposed_stress(
 
 
 def evolving_table(comparison: xr.Dataset) -> pd.DataFrame:
-    """Return quantiles of tan(delta) with frozen and evolving microstructure.
-
-    There is a row for each regime and frequency, with `condition_columns`. Path strain, grain size
-    and fabric factor are medians at the end of the cycles.
-    """
+    """Return quantiles of tan(delta), frozen and evolving, and medians at the end of the cycles."""
     table = condition_columns(comparison)
     for name in ("tan_delta_frozen", "tan_delta_evolving", "fluidity_ratio"):
         column = name.removeprefix("tan_delta_")

@@ -279,10 +279,7 @@ def _relative(critical: FloatArray, start: FloatArray, final: FloatArray) -> Flo
 
 
 def strain_fails(spectrum: xr.Dataset, strain: str) -> xr.DataArray:
-    """Whether ``hold_strain`` or ``cycle_strain`` is too large, draw by draw.
-
-    1 where it is more than the share of the critical strain, else 0; NaN if unknown.
-    """
+    """Whether ``hold_strain`` or ``cycle_strain`` is too large by draw: 1 or 0, NaN if unknown."""
     critical = spectrum["critical_strain"]
     fails = spectrum[strain] > float(spectrum["critical_share"]) * critical
     return fails.astype(np.float64).where(critical.notnull())

@@ -1,14 +1,4 @@
-"""Measured attenuation from a file of one's own, to be drawn over a predicted spectrum.
-
-The file is comma-separated with a header; lines that start with # are skipped::
-
-    # McCarthy and Cooper, ...: where the points come from
-    frequency_Hz,tan_delta,tan_delta_sd,series
-    0.001,0.41,0.03,1 MPa
-
-The first two columns are needed. ``tan_delta_sd`` is a standard deviation, drawn as a bar, and
-``series`` names points that belong together in the legend.
-"""
+"""Measured attenuation from a file of one's own, to be drawn over a predicted spectrum."""
 
 import io
 from dataclasses import dataclass

@@ -50,10 +50,7 @@ def clock_of(prediction: Prediction, answer: ReadQuantity) -> FloatArray:
 
 
 def draws_of(prediction: Prediction, answer: ReadQuantity) -> tuple[FloatArray, FloatArray]:
-    """Return draws along the clock (SI) of the solution and of new readings, (n_draws, n).
-
-    New readings are NaN where the quantity is imposed.
-    """
+    """Return draws (SI) of solution and new readings, NaN if imposed, by clock, (n_draws, n)."""
     likelihood = likelihood_of(prediction.experiment)
     predictions = prediction.posterior["predictions"].to_dataset()
     solved, new = (
@@ -97,11 +94,7 @@ def _is_read(prediction: Prediction) -> npt.NDArray[np.bool_]:
 
 
 def band_table(prediction: Prediction) -> pd.DataFrame:
-    """Return bands of the solution and of new readings along the clock, in SI units.
-
-    Columns of each of `answers` are such as stress_Pa_q5, and new_stress_Pa_q5 of new readings,
-    which is NaN where the quantity is imposed.
-    """
+    """Return bands of solution and new readings (SI), NaN if imposed, along the clock."""
     shown = answers(prediction)
     clock, at = likelihood_of(prediction.experiment).clock, clock_of(prediction, shown[0])
     columns = {clock.column: at, **prediction.experiment.conditions_at(at)}

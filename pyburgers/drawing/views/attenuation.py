@@ -237,10 +237,7 @@ def residuals(fit: FittedTest) -> Figure:
 
 
 def rms_by_temperature(fit: FittedTest) -> pd.DataFrame:
-    """Return the root mean square of what is left over at each temperature, and in all.
-
-    It is about the median of the model's draws, of natural logarithms; limits do not count.
-    """
+    """Return the rms of ln(reading), limits left out, about the model's median by temperature."""
     experiment = of_kind(fit.experiment, AttenuationExperiment)
     temperature, is_limit = experiment.conditions.temperature, experiment.readings.is_limit
     of_tan_delta, of_modulus = np.split(residuals_of(fit) ** 2, [is_limit.size])

@@ -162,8 +162,7 @@ class LeaveOneOut:
     @property
     def unreliable(self) -> BoolArray:
         """Points whose elpd may be far off: Pareto k above 0.7, and not left out in earnest."""
-        flagged: BoolArray = (self.pareto_k > PARETO_K_LIMIT) & ~self.exact
-        return flagged
+        return np.asarray((self.pareto_k > PARETO_K_LIMIT) & ~self.exact)
 
     @property
     def reliable(self) -> bool:

@@ -66,8 +66,7 @@ class FittedCurve(ReadCurve):
     @property
     def median(self) -> FloatArray:
         """Predictive median at the positions of the solutions; noise is symmetric about them."""
-        median: FloatArray = central_band(self.solutions)[1]
-        return median
+        return np.asarray(central_band(self.solutions)[1])
 
 
 @contextmanager

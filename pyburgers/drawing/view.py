@@ -69,15 +69,13 @@ def predicted(fit: FittedTest, name: str) -> FloatArray:
 def positions(fit: FittedTest) -> FloatArray:
     """Return the positions of the predictions on the clock of the test (SI), shape (n_grid,)."""
     clock = likelihood_of(fit.experiment).clock.name
-    found: FloatArray = fit.posterior["predictions"].to_dataset()[clock].to_numpy()
-    return found
+    return np.asarray(fit.posterior["predictions"].to_dataset()[clock].to_numpy())
 
 
 def residuals(fit: FittedTest) -> FloatArray:
     """Return readings minus the median response of the model (SI), shape (n_points,)."""
     median = response_in(fit.posterior, "model_response").median(("chain", "draw"))
-    left: FloatArray = fit.experiment.response - median.to_numpy()
-    return left
+    return np.asarray(fit.experiment.response - median.to_numpy())
 
 
 def reading_errors(fit: FittedTest) -> FloatArray:
@@ -85,8 +83,7 @@ def reading_errors(fit: FittedTest) -> FloatArray:
     replicated, response = (
         response_in(fit.posterior, group) for group in ("posterior_predictive", "model_response")
     )
-    found: FloatArray = (replicated - response).std(("chain", "draw")).to_numpy()
-    return found
+    return np.asarray((replicated - response).std(("chain", "draw")).to_numpy())
 
 
 def residual_size(fit: FittedTest, noise: str) -> float:

@@ -1,9 +1,9 @@
 """What a page says about a fit, and about fits of the same data, which share a section."""
 
-from collections.abc import Callable, Hashable, Iterable, Sequence
+from collections.abc import Hashable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import pandas as pd
 
@@ -22,11 +22,9 @@ from pyburgers.model.parameters import PARAMETER_BY_NAME
 from pyburgers.page import tables
 from pyburgers.page.illustrations import Illustration, illustrate
 from pyburgers.page.methods import methods_text
+from pyburgers.page.names import alike
 from pyburgers.page.overview import Entry, entry_of
 from pyburgers.page.posterior_figures import figures_for
-
-T = TypeVar("T")
-K = TypeVar("K", bound=Hashable)
 
 NAMED = ["symbol", "quantity", "unit"]
 """Columns of a table of parameters that say what a row is about."""
@@ -280,14 +278,6 @@ class SameData:
 def by_data(named: Iterable[tuple[str, str, Fit]]) -> list[list[tuple[str, str, Fit]]]:
     """Put fits of equal readings, also in being measured or computed, together in their order."""
     return [*alike(named, lambda one: (one[2].provenance.kind, data_hash(one[2]))).values()]
-
-
-def alike(items: Iterable[T], said: Callable[[T], K]) -> dict[K, list[T]]:
-    """Put items together, in their order, of which the same is said."""
-    found: dict[K, list[T]] = {}
-    for one in items:
-        found.setdefault(said(one), []).append(one)
-    return found
 
 
 def _decided_by(parameters: pd.DataFrame) -> list[str]:

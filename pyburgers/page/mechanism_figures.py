@@ -88,34 +88,28 @@ def _draw_map(axes: Axes, used: RateTable, found: MechanismMap) -> None:
         places = used.temperature
     axes.plot(places[shown], used.stress[shown] * STRESS_FACTOR, ".", color="black", markersize=3)
     axes.set_ylabel(f"stress ({STRESS_UNIT})")
-    for one in NATURAL_CONDITIONS.get(used.material, ()):
-        _draw_box(axes, found, one)
     axes.set_xlim(across[0], across[-1])
     axes.set_ylim(up[0], up[-1])
+    for one in NATURAL_CONDITIONS.get(used.material, ()):
+        _draw_box(axes, found, one)
 
 
 def _draw_box(axes: Axes, found: MechanismMap, conditions: NaturalConditions) -> None:
     """Draw the part of natural conditions that the map passes through, if it does."""
-    at, low_high = (
-        (found.temperature[0], conditions.temperature)
-        if found.over_grain_size
-        else (found.grain_size[0], conditions.grain_size)
-    )
-    if not low_high[0] <= at <= low_high[1]:
+    at, (least, most) = found.grain_size[0], conditions.grain_size
+    left, right = conditions.temperature
+    if found.over_grain_size:
+        at, (least, most) = found.temperature[0], conditions.temperature
+        left, right = np.array(conditions.grain_size) * LENGTH_FACTOR
+    if not least <= at <= most:
         return
-    left, right = (
-        np.array(conditions.grain_size) * LENGTH_FACTOR
-        if found.over_grain_size
-        else np.array(conditions.temperature)
-    )
     low, high = np.array(conditions.stress) * STRESS_FACTOR
     axes.add_patch(
         Rectangle((left, low), right - left, high - low, fill=False, linewidth=1.2, clip_on=True)
     )
-    last = found.grain_size[-1] * LENGTH_FACTOR if found.over_grain_size else found.temperature[-1]
     axes.annotate(
         conditions.name,
-        (min(right, last), high),
+        (min(right, axes.get_xlim()[1]), high),
         xytext=(-3, -3),
         textcoords="offset points",
         ha="right",

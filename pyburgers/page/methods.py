@@ -15,6 +15,7 @@ from pyburgers.common.units import duration_text
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.sampled_fit import SampledFit
 from pyburgers.kinds.stan_data import BDF, FAST
+from pyburgers.page.names import alike
 
 _ESCAPED = str.maketrans({letter: f"\\{letter}" for letter in "&%$#_"} | dict.fromkeys("{}\\~^"))
 """Letters that LaTeX reads as commands: escaped, or left out."""
@@ -65,13 +66,10 @@ def methods_text(
 
 def _pooling(manifest: dict[str, Any], free: Collection[str]) -> str:
     """Say which free parameters the tests of a joint fit have in common, and how."""
-    of_all: dict[str, str] = manifest["pooling"]["kinds"]
-    kinds = {name: kind for name, kind in of_all.items() if name in free}
-    named = {
-        kind: ", ".join(name for name, one in kinds.items() if one == kind)
-        for kind in dict.fromkeys(kinds.values())
-    }
-    return "; ".join(f"{kind}: {names}" for kind, names in named.items()).replace("_", " ")
+    kinds: dict[str, str] = manifest["pooling"]["kinds"]
+    named = alike((name for name in kinds if name in free), kinds.__getitem__)
+    said = (f"{kind}: {', '.join(names)}" for kind, names in named.items())
+    return "; ".join(said).replace("_", " ")
 
 
 _SOLVERS = {FAST: "Radau IIA of order 5", BDF: "Stan's ode_bdf_tol"}

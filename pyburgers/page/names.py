@@ -3,11 +3,15 @@
 import hashlib
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Hashable, Iterable, Sequence
 from pathlib import Path
+from typing import TypeVar
 
 from pyburgers.common.errors import InputError
 from pyburgers.fitting.sampled_fit import SampledFit
+
+T = TypeVar("T")
+K = TypeVar("K", bound=Hashable)
 
 _NOT_IN_FILES = re.compile(r"[^A-Za-z0-9_.+-]")
 
@@ -54,6 +58,14 @@ def file_key(name: str) -> str:
     if safe == text:
         return safe
     return f"{safe}_{hashlib.sha256(name.encode('utf-8', 'surrogateescape')).hexdigest()[:6]}"
+
+
+def alike(items: Iterable[T], said: Callable[[T], K]) -> dict[K, list[T]]:
+    """Put items together, in their order, of which the same is said."""
+    found: dict[K, list[T]] = {}
+    for one in items:
+        found.setdefault(said(one), []).append(one)
+    return found
 
 
 def joint_key(name: str) -> str:

@@ -28,7 +28,7 @@ from pyburgers.model.parameters import PARAMETER_BY_NAME
 from pyburgers.model.reference_quantities import REFERENCE_QUANTITIES
 from pyburgers.page import tables
 from pyburgers.page.comparison_sections import comparison_sections
-from pyburgers.page.fit_sections import SameData, Section, alike, by_data, write_section
+from pyburgers.page.fit_sections import SameData, Section, by_data, write_section
 from pyburgers.page.glossary import SHARE_TEXT, with_definitions
 from pyburgers.page.illustrations import (
     Illustration,
@@ -39,7 +39,7 @@ from pyburgers.page.illustrations import (
 )
 from pyburgers.page.joint_section import joint_sections
 from pyburgers.page.methods import REPORT_KIND, bibtex, report_manifest, runs_table
-from pyburgers.page.names import file_key, in_words, joint_key, page_keys, page_names
+from pyburgers.page.names import alike, file_key, in_words, joint_key, page_keys, page_names
 from pyburgers.page.overview import (
     ANSWER_COLUMNS,
     CONFLICT_COLUMN,

@@ -291,5 +291,4 @@ def relative_efficiency(values: xr.DataArray) -> FloatArray:
     with np.errstate(invalid="ignore", divide="ignore"):  # draws that never moved
         found = az.ess(xr.Dataset({"values": values}), method="mean")
     n_draws = values.sizes["chain"] * values.sizes["draw"]
-    efficiency: FloatArray = np.nan_to_num(found["values"].to_numpy() / n_draws, nan=1.0)
-    return efficiency
+    return np.asarray(np.nan_to_num(found["values"].to_numpy() / n_draws, nan=1.0))

@@ -334,16 +334,13 @@ def save_spectrum(spectrum: xr.Dataset, path: Path) -> None:
 def flat_draws(values: xr.DataArray) -> FloatArray:
     """All draws along the first axis, shape (n_draws, n_regimes, n_frequencies)."""
     ordered = values.transpose(..., "regime", "frequency").to_numpy()
-    flat: FloatArray = ordered.reshape(-1, *ordered.shape[-2:])
-    return flat
+    return np.asarray(ordered.reshape(-1, *ordered.shape[-2:]))
 
 
 def evolving_quantiles(values: xr.DataArray) -> FloatArray:
     """Quantiles over draws, some of which may be infinite; (3, n_regimes, n_frequencies)."""
-    found: FloatArray = np.quantile(
-        flat_draws(values), np.array(BAND_PERCENTAGES) / 100, axis=0, method="nearest"
-    )
-    return found
+    shares = np.array(BAND_PERCENTAGES) / 100
+    return np.asarray(np.quantile(flat_draws(values), shares, axis=0, method="nearest"))
 
 
 def condition_columns(spectrum: xr.Dataset) -> dict[str, FloatArray]:

@@ -32,9 +32,6 @@ from pyburgers.predictions.stress_cycles import Regime
 Factors = Mapping[float, float]
 """A exp(-Q/(R T)) d^-p in MPa^-n a^-1 (`rate_factors`) by temperature (K)."""
 
-UNIT_DENOMINATOR = 10**6
-"""Largest denominator of the exponents of units, which are rational in Julia."""
-
 
 @dataclass(frozen=True)
 class CreepFormat:
@@ -130,7 +127,7 @@ def _geoparams(law: CreepLaw, name: str, factors: Factors) -> list[str]:
     """Return a record of GeoParams.jl, whose grain size exponent is negative."""
     has_grains = law.grain_size_exponent != 0
     stress, grains = (
-        Fraction(one).limit_denominator(UNIT_DENOMINATOR)
+        Fraction(one).limit_denominator(10**6)  # exponents of units are rational in Julia
         for one in (-law.stress_exponent, law.grain_size_exponent)
     )
     unit = f"Pa^({stress.numerator}//{stress.denominator})"
@@ -232,9 +229,6 @@ CREEP_FORMATS = {
 }
 """Creep laws by the name of the format."""
 
-ANY_REGIME = Regime(0.0, 1.0)
-"""Stress cycles of a linear dashpot, whose fluidity no stress changes."""
-
 
 @dataclass(frozen=True, eq=False)
 class ShearCompliances:
@@ -249,9 +243,6 @@ class ShearCompliances:
     rates: Ranges
     notes: tuple[str, ...]
 
-
-LINEAR = {"none", "diffusion"}
-"""Further mechanisms that leave a linear dashpot linear."""
 
 OTHER_RATIO = (
     "The fitted table states another Poisson's ratio or a bulk modulus, so that shear moduli here "
@@ -285,7 +276,7 @@ def shear_compliances(fit: SampledFit, stated: Stated, code: str) -> ShearCompli
         )
     regime = stated.regime
     further = {fit.variant.second_mechanism, fit.variant.third_mechanism}
-    linear = fit.variant.maxwell == "linear" and further <= LINEAR
+    linear = fit.variant.maxwell == "linear" and further <= {"none", "diffusion"}
     if regime is None and not linear:
         raise InputError(
             f"{code}: found no stress, expected --median-stress-MPa and --amplitude-MPa: "
@@ -293,7 +284,8 @@ def shear_compliances(fit: SampledFit, stated: Stated, code: str) -> ShearCompli
         )
     frequency = stated.frequencies or DEFAULT_FREQUENCIES
     material = stated_material(fit, stated, code)
-    spectrum = material_spectrum(material, frequency, [regime or ANY_REGIME])
+    # No stress changes the fluidity of a linear dashpot.
+    spectrum = material_spectrum(material, frequency, [regime or Regime(0.0, 1.0)])
     storage, loss, elastic = (
         all_draws(spectrum[name])
         for name in ("storage_compliance", "loss_compliance", "elastic_compliance")

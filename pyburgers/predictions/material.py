@@ -274,8 +274,7 @@ def critical_strain(
 def _relative(critical: FloatArray, start: FloatArray, final: FloatArray) -> FloatArray:
     """Critical strain over the relative change that is to come, where that is more than one."""
     change = np.abs(final / start - 1.0)
-    values: FloatArray = np.where(change > 0, critical / np.maximum(1.0, change), np.inf)
-    return values
+    return np.asarray(np.where(change > 0, critical / np.maximum(1.0, change), np.inf))
 
 
 def strain_fails(spectrum: xr.Dataset, strain: str) -> xr.DataArray:
@@ -288,14 +287,12 @@ def strain_fails(spectrum: xr.Dataset, strain: str) -> xr.DataArray:
 def probability(of_draws: xr.DataArray) -> FloatArray:
     """Share of draws in which something is so, (n_regimes,) or (n_regimes, n_frequencies)."""
     draws = [name for name in of_draws.dims if name not in ("regime", "frequency")]
-    values: FloatArray = of_draws.mean(draws).transpose("regime", ...).to_numpy()
-    return values
+    return np.asarray(of_draws.mean(draws).transpose("regime", ...).to_numpy())
 
 
 def likely_fails(spectrum: xr.Dataset) -> BoolArray:
     """Where frozen microstructure fails in most draws, shape (n_regimes, n_frequencies)."""
-    marked: BoolArray = probability(spectrum["frozen_fails"]) >= LIKELY
-    return marked
+    return np.asarray(probability(spectrum["frozen_fails"]) >= LIKELY)
 
 
 def frozen_limit_texts(spectrum: xr.Dataset) -> list[str]:

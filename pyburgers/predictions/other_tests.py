@@ -82,8 +82,7 @@ def _places(prediction: Prediction, answer: ReadQuantity) -> npt.NDArray[np.bool
     """Where the solution is that of an answer: not where another one has its name, (n,)."""
     likelihood, read = likelihood_of(prediction.experiment), _is_read(prediction)
     others = [one.name == answer.name and one != answer for one in likelihood.read]
-    places: npt.NDArray[np.bool_] = ~np.any(read[others], axis=0)
-    return places
+    return np.asarray(~np.any(read[others], axis=0))
 
 
 def _is_read(prediction: Prediction) -> npt.NDArray[np.bool_]:
@@ -304,8 +303,7 @@ def _coverage(
         np.vstack([np.quantile(new, share, axis=0), _quantiles_without(new, own, share)])
         for share in (tail, 1 - tail)
     )
-    inside: FloatArray = np.mean((readings >= low) & (readings <= high), axis=1)
-    return inside
+    return np.asarray(np.mean((readings >= low) & (readings <= high), axis=1))
 
 
 def _quantiles_without(
@@ -322,8 +320,7 @@ def _quantiles_without(
         np.where(place < rank, in_order[place], in_order[place + 1])
         for place in (below, min(below + 1, last))
     )
-    found: FloatArray = lower + (share * last - below) * (upper - lower)
-    return found
+    return np.asarray(lower + (share * last - below) * (upper - lower))
 
 
 def _mean_log_density(

@@ -285,5 +285,4 @@ def _reading_after(experiment: HistoryExperiment, load: CreepInterval, time: flo
     away = np.abs(since[here] - time)
     nearest = int(np.argmin(away))
     is_near = bool(away[nearest] <= NEAR * time)
-    read: FloatArray = experiment.reading[here][nearest : nearest + is_near]
-    return read
+    return np.asarray(experiment.reading[here][nearest : nearest + is_near])

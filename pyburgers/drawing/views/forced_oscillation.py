@@ -76,28 +76,14 @@ def preparation(prepared: PreparedOscillation, record: OscillationRecord, headin
     strain, stress = (STRAIN_LABEL, STRAIN_FACTOR), (STRESS_LABEL, STRESS_FACTOR)
     strain_bars = record.strain_time, record.strain_uncertainty
     with figure_of(8.0, 11.0, heading) as figure:
-        panels = [
-            _Panel(axes, title, *label)
-            for axes, (title, label) in zip(
-                figure.subplots(5, 1, sharex=True),
-                (
-                    ("(a) strain readings", strain),
-                    ("(b) oscillating part of the strain", strain),
-                    (
-                        f"(c) strain rate that drives the model, background {prepared.background}",
-                        (r"strain rate (10$^{-5}$ s$^{-1}$)", RATE_FACTOR),
-                    ),
-                    ("(d) stress readings", stress),
-                    (
-                        "(e) stress that the model is compared with, bias and drift "
-                        + ("kept" if kept else "removed"),
-                        stress,
-                    ),
-                ),
-                strict=True,
-            )
-        ]
-        raw_strain, oscillation, rate, raw_stress, compared = panels
+        panels = figure.subplots(5, 1, sharex=True)
+        raw_strain = _Panel(panels[0], "(a) strain readings", *strain)
+        oscillation = _Panel(panels[1], "(b) oscillating part of the strain", *strain)
+        driving = f"(c) strain rate that drives the model, background {prepared.background}"
+        rate = _Panel(panels[2], driving, r"strain rate (10$^{-5}$ s$^{-1}$)", RATE_FACTOR)
+        raw_stress = _Panel(panels[3], "(d) stress readings", *stress)
+        heading = "(e) stress that the model is compared with, bias and drift "
+        compared = _Panel(panels[4], heading + ("kept" if kept else "removed"), *stress)
         raw_strain.dots(*strain_bars, record.strain, "strain readings")
         raw_strain.fit(of_strain, strain_fit)
         detrended = record.strain - strain_fit.trend(record.strain_time)
@@ -115,8 +101,8 @@ def preparation(prepared: PreparedOscillation, record: OscillationRecord, headin
         drift = stress_fit.trend(of_stress) if kept else 0.0
         label = "fit" if kept else "oscillation"
         compared.line(of_stress, stress_fit.periodic(of_stress) + drift, label)
-        for panel in panels:
-            panel.axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
+        for axes in panels:
+            axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
         compared.axes.set_xlabel(TIME_LABEL)
         figure.align_ylabels()
     return figure
@@ -185,8 +171,7 @@ def _curve_times(readings: FloatArray, period: float) -> FloatArray:
     """Return times (s) for a curve over a series of readings."""
     first, last = readings[0], readings[-1]
     count = int(CURVE_POINTS_PER_CYCLE * (last - first) / period) + 2
-    times: FloatArray = np.linspace(first, last, count)
-    return times
+    return np.asarray(np.linspace(first, last, count))
 
 
 @recipe(
@@ -221,14 +206,8 @@ def read_curve(experiment: OscillationExperiment) -> ReadCurve:
 def fitted_curve(fit: FittedTest) -> FittedCurve:
     """Gather the stress along time as measured and as a fit has it."""
     experiment = of_kind(fit.experiment, OscillationExperiment)
-    curve = curve_of(
-        fit,
-        read_curve(experiment),
-        "stress",
-        "stress_noise",
-        "residual / noise (–)",
-        factor=STRESS_FACTOR,
-    )
+    read, label = read_curve(experiment), "residual / noise (–)"
+    curve = curve_of(fit, read, "stress", "stress_noise", label, factor=STRESS_FACTOR)
     noise = curve.noise_band / HALF_WIDTH * experiment.prepared.relative_uncertainty
     return replace(curve, residuals=curve.residuals / noise, noise_band=HALF_WIDTH)
 
@@ -387,10 +366,7 @@ def facts(experiment: OscillationExperiment) -> Sequence[tuple[str, str]]:
         ("Strain amplitude", f"{amplitude * STRAIN_FACTOR:.3g} %"),
         ("Errors of the strain", _strain_error_text(prepared)),
         ("Background", background),
-        (
-            "Cycles",
-            f"{cycles:.1f} on record, {experiment.spin_up_cycles} of spin-up ahead of it",
-        ),
+        ("Cycles", f"{cycles:.1f} on record, {experiment.spin_up_cycles} of spin-up ahead of it"),
         (
             "Points",
             f"{experiment.n_points} stresses; {experiment.record.strain.size} strains give the "

@@ -121,8 +121,7 @@ def softening_shares(predictions: xr.Dataset) -> FloatArray:
         for name in ("grain_size_softening", "fabric_softening")
     )
     total = log_grains + log_fabric
-    share: FloatArray = log_grains[total != 0] / total[total != 0]
-    return share
+    return np.asarray(log_grains[total != 0] / total[total != 0])
 
 
 def softened_text(fit: FittedTest) -> str:

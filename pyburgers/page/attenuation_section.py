@@ -73,38 +73,30 @@ def attenuation_section(
             f"{first}: {frozen_sentence(spectra[first])}",
             f"{first}, frozen and evolving side by side. {evolving_sentence(evolving)}",
         ),
-        tables=_tables(spectra, fit, evolving),
+        tables=(
+            *(
+                PageTable(
+                    f"{name}_quantiles",
+                    f"tan δ of {name}",
+                    overview_table(spectrum),
+                    quantile_table(spectrum),
+                    words=("regime",),
+                    sentences=("frozen microstructure",),
+                    in_files=name != first,
+                    folded=True,
+                )
+                for name, spectrum in spectra.items()
+            ),
+            PageTable(
+                "evolving",
+                f"Frozen and evolving microstructure, {first}",
+                evolving_overview(evolving),
+                evolving_table(evolving),
+                words=("regime",),
+            ),
+        ),
         figures=_figures(spectra, fit, evolving, amplitudes, measured),
         after_fits=True,
-    )
-
-
-def _tables(
-    spectra: Mapping[str, xr.Dataset], fit: FittedTest, evolving: xr.Dataset
-) -> tuple[PageTable, ...]:
-    """Return quantiles of every spectrum, and for the first fit two tables of what they assume."""
-    first = next(iter(spectra))
-    return (
-        *(
-            PageTable(
-                f"{name}_quantiles",
-                f"tan δ of {name}",
-                overview_table(spectrum),
-                quantile_table(spectrum),
-                words=("regime",),
-                sentences=("frozen microstructure",),
-                in_files=name != first,
-                folded=True,
-            )
-            for name, spectrum in spectra.items()
-        ),
-        PageTable(
-            "evolving",
-            f"Frozen and evolving microstructure, {first}",
-            evolving_overview(evolving),
-            evolving_table(evolving),
-            words=("regime",),
-        ),
     )
 
 

@@ -12,21 +12,9 @@ from pyburgers.checks.prior_influence import read_off_sentences
 from pyburgers.common.draws import FloatArray, all_draws, value_text
 from pyburgers.common.paths import shown
 from pyburgers.common.units import count_points, with_error
+from pyburgers.comparison import conclusions, figures
 from pyburgers.comparison.by_points import compare
 from pyburgers.comparison.by_tests import compare_kept_by_test
-from pyburgers.comparison.conclusions import (
-    comparison_table,
-    sentences,
-    sentences_by_test,
-    table_of_fits,
-    table_of_tests,
-)
-from pyburgers.comparison.figures import (
-    COMPARISON_CAPTION,
-    LEFT_OUT_CAPTION,
-    left_out_tests,
-    pointwise_differences,
-)
 from pyburgers.comparison.results import BY_TEST_TEXT, COMPARISON_TEXT, Comparison
 from pyburgers.comparison.same_data import data_hash
 from pyburgers.drawing.page_parts import PageFigure, PageSection, PageTable, text_table
@@ -93,7 +81,7 @@ def comparison_sections(fits: Sequence[Fit]) -> tuple[PageSection, ...]:
     return tuple(
         section
         for group in groups.values()
-        for sections_about in SECTIONS
+        for sections_about in (by_points_section, by_tests_section, flow_law_source_section)
         for section in sections_about(group, keys)
     )
 
@@ -103,12 +91,13 @@ def by_points_section(fits: Mapping[str, Fit], keys: Mapping[str, str]) -> tuple
     if len(fits) < 2:
         return ()
     comparison = compare(fits)
-    table = comparison_table(comparison)
+    table = conclusions.comparison_table(comparison)
+    said = conclusions.sentences(comparison)
     first = next(iter(fits))
     section = PageSection(
         key=f"comparison_{keys[first]}",
         title=f"Which fit of {first} predicts best",
-        paragraphs=sentences(comparison),
+        paragraphs=said,
         details=(COMPARISON_TEXT, *_points_to_fit_again(comparison, fits)),
         tables=(
             PageTable(
@@ -134,9 +123,9 @@ def by_points_section(fits: Mapping[str, Fit], keys: Mapping[str, str]) -> tuple
             PageFigure(
                 "pointwise",
                 "Where one fit predicts better than another",
-                COMPARISON_CAPTION,
-                partial(pointwise_differences, comparison),
-                " ".join(sentences(comparison)),
+                figures.COMPARISON_CAPTION,
+                partial(figures.pointwise_differences, comparison),
+                " ".join(said),
             ),
         ),
         after_fits=True,
@@ -161,7 +150,8 @@ def by_tests_section(joints: Mapping[str, Fit], keys: Mapping[str, str]) -> tupl
     comparison = compare_kept_by_test(joints) if one.is_joint else None
     if comparison is None:
         return ()
-    fits, tests = table_of_fits(comparison), table_of_tests(comparison)
+    said = conclusions.sentences_by_test(comparison)
+    fits, tests = conclusions.table_of_fits(comparison), conclusions.table_of_tests(comparison)
     shown_fits = text_table(
         fits.reset_index(),
         {
@@ -180,7 +170,7 @@ def by_tests_section(joints: Mapping[str, Fit], keys: Mapping[str, str]) -> tupl
     section = PageSection(
         key=f"left_out_{keys[first]}",
         title=f"Whole tests left out: {first}",
-        paragraphs=sentences_by_test(comparison),
+        paragraphs=said,
         details=(BY_TEST_TEXT,),
         tables=(
             PageTable(
@@ -202,9 +192,9 @@ def by_tests_section(joints: Mapping[str, Fit], keys: Mapping[str, str]) -> tupl
             PageFigure(
                 "tests",
                 "Which test a fit predicts better",
-                LEFT_OUT_CAPTION,
-                partial(left_out_tests, comparison),
-                " ".join(sentences_by_test(comparison)),
+                figures.LEFT_OUT_CAPTION,
+                partial(figures.left_out_tests, comparison),
+                " ".join(said),
             ),
         ),
         after_fits=True,
@@ -241,10 +231,7 @@ def flow_law_source_section(
     section = PageSection(
         key=f"flow_law_{keys[both]}",
         title=f"Flow law of {alone}, with another source and without",
-        paragraphs=(
-            *said,
-            *(synthetic if experiment.provenance.kind == "synthetic" else ()),
-        ),
+        paragraphs=(*said, *(synthetic if experiment.provenance.kind == "synthetic" else ())),
         details=(
             f"The other source is {law.source}. {alone} is the fit of the curve alone with the "
             f"material's own priors; {both} has the other source as a joint prior of n, p, "
@@ -403,7 +390,3 @@ def combined_flow_law(draws: Mapping[str, Mapping[str, FloatArray]]) -> Figure:
         handles, labels = panels[0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside upper left", ncols=3)
     return figure
-
-
-SECTIONS = (by_points_section, by_tests_section, flow_law_source_section)
-"""What a page says about fits of the same data, each where it applies."""

@@ -1,6 +1,6 @@
 """What a page says about a fit, and about fits of the same data, which share a section."""
 
-from collections.abc import Hashable, Iterable, Sequence
+from collections.abc import Hashable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -43,7 +43,6 @@ class Section:
     entry: Entry
     parameters: pd.DataFrame
     priors: pd.DataFrame
-    sampler: pd.DataFrame
     fixed: tuple[dict[str, str], ...]
     truth: pd.DataFrame | None
     more_tables: tuple[PageTable, ...]
@@ -100,12 +99,11 @@ def write_section(key: str, name: str, fit: Fit, out: Path) -> Section:
     """Write the tables of one fit, draw its figures, and gather what the page shows of it."""
     summary, checks = fit.summary("SI"), fit.checks()
     truth = tables.truth_table(fit)
-    sampler = tables.sampler_table(fit)
     files = {
         "summary": summary.reset_index(),
         "checks": tables.checks_table(checks),
         "priors": tables.prior_table(fit.priors),
-        "sampler": sampler,
+        "sampler": tables.sampler_table(fit),
     }
     if truth is not None:
         files["truth"] = truth.reset_index()
@@ -125,7 +123,6 @@ def write_section(key: str, name: str, fit: Fit, out: Path) -> Section:
         entry=entry_of(key, name, fit, checks, influences),
         parameters=parameters.assign(**{tables.VALUE: quoted}),
         priors=files["priors"],
-        sampler=sampler,
         fixed=tuple(
             tables.fixed_row(PARAMETER_BY_NAME[prior.parameter], prior)
             for prior in fixed_in_effect(fit)
@@ -163,13 +160,12 @@ class SameData:
 
     def answers(self, kind: CheckKind) -> list[Said]:
         """Say what speaks against a yes to a question, alike answers once."""
-        told = [
-            (section.entry.verdicts[kind].outcome, tuple(section.entry.doubts(kind)))
-            for section in self.sections
-        ]
+        told = alike(
+            [section.entry for section in self.sections],
+            lambda one: (one.verdicts[kind].outcome, tuple(one.doubts(kind))),
+        )
         return [
-            Said(lines, self._names(told, (outcome, lines)), outcome)
-            for outcome, lines in dict.fromkeys(told)
+            Said(lines, self._names(entries), outcome) for (outcome, lines), entries in told.items()
         ]
 
     @property
@@ -183,30 +179,27 @@ class SameData:
     @property
     def conflicts(self) -> list[Said]:
         """Say what prior and data disagree about, alike sentences once."""
-        told = [section.entry.conflict for section in self.sections]
-        return [Said((text,), self._names(told, text)) for text in dict.fromkeys(told) if text]
+        told = alike([section.entry for section in self.sections], lambda one: one.conflict)
+        return [Said((text,), self._names(entries)) for text, entries in told.items() if text]
 
     @property
     def decisions(self) -> list[Said]:
         """Say which bounds and priors to mind, alike sentences once."""
-        told = [section.entry.decisions for section in self.sections]
-        each = dict.fromkeys(text for texts in told for text in texts)
+        entries = [section.entry for section in self.sections]
         return [
-            Said((text,), self._names([text in texts for texts in told], True)) for text in each
+            Said((text,), self._names(one for one in entries if text in one.decisions))
+            for text in dict.fromkeys(text for one in entries for text in one.decisions)
         ]
 
     @property
     def without_data(self) -> list[Said]:
         """Say which fits the data were kept from."""
-        told = [section.fit.manifest["use_likelihood"] for section in self.sections]
-        return [] if all(told) else [Said((), self._names(told, False))]
+        without = [one for one in self.sections if not one.fit.manifest["use_likelihood"]]
+        return [Said((), self._names(one.entry for one in without))] if without else []
 
-    def _names(self, told: Sequence[object], this: object) -> tuple[str, ...]:
-        """Names of the fits of which the same is told; none where there is one fit."""
-        if not self.others:
-            return ()
-        pairs = zip(self.sections, told, strict=True)
-        return tuple(section.name for section, one in pairs if one == this)
+    def _names(self, entries: Iterable[Entry]) -> tuple[str, ...]:
+        """Names of fits; none where there is one fit."""
+        return tuple(one.name for one in entries) if self.others else ()
 
     @property
     def values(self) -> pd.DataFrame:

@@ -22,17 +22,10 @@ from pyburgers.drawing.view import marks_text, view_of, views
 from pyburgers.fitting.fit import Fit
 from pyburgers.kinds.stan_data import CENTRE, SPREAD
 from pyburgers.model.display import axis_label, shown_quantity, symbol_text
+from pyburgers.page import tables
 from pyburgers.page.decades import spans_decades
 from pyburgers.page.names import joint_key, page_keys, page_names
 from pyburgers.page.overview import joint_entry
-from pyburgers.page.tables import (
-    DECISION,
-    THE_SAME,
-    checks_page_table,
-    decided_cell,
-    named,
-    quoted_or_prior,
-)
 from pyburgers.posterior.labelled_draws import own_name
 
 
@@ -46,8 +39,8 @@ def pooling_table(joint: Fit, separate: Sequence[Fit] = ()) -> pd.DataFrame:
     tests, alone = joint.tests(), fits_alone(joint, separate)
     problem, reference = joint.problem, joint.problem.likelihood.reference.name
     influences = joint.influences()
-    texts = {name: quoted_or_prior(fit) for name, fit in tests.items()}
-    alone_texts = {name: quoted_or_prior(fit) for name, fit in alone.items()}
+    texts = {name: tables.quoted_or_prior(fit) for name, fit in tests.items()}
+    alone_texts = {name: tables.quoted_or_prior(fit) for name, fit in alone.items()}
     rows = []
     for quantity in (*problem.free, reference):
         kind = "derived" if quantity == reference else problem.kind(quantity)
@@ -103,11 +96,11 @@ def shown_pooling_table(table: pd.DataFrame) -> pd.DataFrame:
         pooling = group["pooling"].iloc[0]
         joint = {str(test): text for test, text in by_test["quoted"].items()}
         if pooling == "shared":
-            joint |= dict.fromkeys(tests[1:], THE_SAME)
+            joint |= dict.fromkeys(tests[1:], tables.THE_SAME)
         row = {
-            **named(quantity),
+            **tables.named(quantity),
             "pooling": pooling,
-            DECISION: _decided(str(name), group),
+            tables.DECISION: _decided(str(name), group),
         }
         if name not in ratios:
             rows.append({**row, **joint})
@@ -145,9 +138,9 @@ def shown_pooled_table(joint: Fit) -> pd.DataFrame:
         quantity, centre = shown_quantity(name), own_name(name, CENTRE)
         rows.append(
             {
-                **named(quantity),
+                **tables.named(quantity),
                 CENTRE: shown(name, CENTRE, quantity.display_factor),
-                DECISION: decided_cell(centre, summary.loc[centre].to_dict()) or "",
+                tables.DECISION: tables.decided_cell(centre, summary.loc[centre].to_dict()) or "",
                 "spread on the real line": shown(name, SPREAD, 1.0),
                 "scale of its prior": number(joint.problem.pooling.spread_scales[name]),
             }
@@ -200,7 +193,7 @@ def joint_section(key: str, name: str, joint: Fit, separate: Sequence[Fit]) -> P
                 "Values, test by test",
                 shown_pooling_table(table),
                 table,
-                words=("quantity", "unit", "pooling", DECISION, "fit"),
+                words=("quantity", "unit", "pooling", tables.DECISION, "fit"),
             ),
             *(
                 (
@@ -209,13 +202,13 @@ def joint_section(key: str, name: str, joint: Fit, separate: Sequence[Fit]) -> P
                         "Common centres and spreads",
                         shown_pooled_table(joint),
                         joint.summary("SI").loc[pooled].reset_index(),
-                        words=("quantity", "unit", DECISION),
+                        words=("quantity", "unit", tables.DECISION),
                     ),
                 )
                 if pooled
                 else ()
             ),
-            checks_page_table("Checks of the joint fit", checks),
+            tables.checks_page_table("Checks of the joint fit", checks),
         ),
         figures=(
             PageFigure(

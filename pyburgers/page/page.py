@@ -26,7 +26,7 @@ from pyburgers.flow_law_tables.fit import RateFit
 from pyburgers.model.display import symbol_text
 from pyburgers.model.parameters import PARAMETER_BY_NAME
 from pyburgers.model.reference_quantities import REFERENCE_QUANTITIES
-from pyburgers.page import tables
+from pyburgers.page import overview, tables
 from pyburgers.page.comparison_sections import comparison_sections
 from pyburgers.page.fit_sections import SameData, Section, by_data, write_section
 from pyburgers.page.glossary import SHARE_TEXT, with_definitions
@@ -40,17 +40,7 @@ from pyburgers.page.illustrations import (
 from pyburgers.page.joint_section import joint_sections
 from pyburgers.page.methods import REPORT_KIND, bibtex, report_manifest, runs_table
 from pyburgers.page.names import alike, file_key, in_words, joint_key, page_keys, page_names
-from pyburgers.page.overview import (
-    ANSWER_COLUMNS,
-    CONFLICT_COLUMN,
-    Entry,
-    answers,
-    bad_answers,
-    entry_of,
-    joint_entry,
-    overview_table,
-    remedies,
-)
+from pyburgers.page.overview import Entry, entry_of, joint_entry
 from pyburgers.page.rate_section import rate_section
 
 logger = logging.getLogger(__name__)
@@ -133,7 +123,10 @@ def write_report(
     illustrated = []
     for extra in extras:
         logger.info(f"Writing the part {extra.title!r}.")
-        illustrated.append((extra, _write_extra(extra, out)))
+        for table in extra.tables:
+            name = f"{extra.key}_{file_key(table.name)}.csv"
+            write_text(out / "tables" / name, csv_text(table.saved))
+        illustrated.append((extra, illustrate(extra.figures, out, extra.key)))
     ahead = [figures for extra, figures in illustrated if not extra.after_fits]
     behind = [figures for extra, figures in illustrated if extra.after_fits]
     figures = [*ahead, *(section.illustrations for section in sections), *behind]
@@ -321,11 +314,11 @@ def render_page(
         first=first,
         entries=entries,
         of_part=of_part,
-        overview=overview_table(entries),
-        bad_answers=bad_answers(entries),
-        answer_columns=[*ANSWER_COLUMNS.values(), CONFLICT_COLUMN],
-        answers=answers(entries),
-        remedies=remedies(entries),
+        overview=overview.overview_table(entries),
+        bad_answers=overview.bad_answers(entries),
+        answer_columns=[*overview.ANSWER_COLUMNS.values(), overview.CONFLICT_COLUMN],
+        answers=overview.answers(entries),
+        remedies=overview.remedies(entries),
         alarms=[alarm for extra, _ in extras for alarm in extra.alarms],
         kinds=tuple(CheckKind),
         outcomes=Outcome,
@@ -391,11 +384,3 @@ def _claim(out: Path) -> None:
             folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"{out}: cannot be written ({error.strerror}).") from error
-
-
-def _write_extra(extra: PageSection, out: Path) -> tuple[Illustration, ...]:
-    """Write the tables of an extra section and draw its figures."""
-    for table in extra.tables:
-        name = f"{extra.key}_{file_key(table.name)}.csv"
-        write_text(out / "tables" / name, csv_text(table.saved))
-    return illustrate(extra.figures, out, extra.key)

@@ -384,10 +384,7 @@ def _legend_above(
 def _chain_style(index: int) -> dict[str, Any]:
     """Colour of a chain, and dashes from the seventh on."""
     dashes, colour = divmod(index, len(CHAIN_COLOURS))
-    return {
-        "color": CHAIN_COLOURS[colour],
-        "linestyle": CHAIN_DASHES[dashes % len(CHAIN_DASHES)],
-    }
+    return {"color": CHAIN_COLOURS[colour], "linestyle": CHAIN_DASHES[dashes % len(CHAIN_DASHES)]}
 
 
 def _chain_handles(fit: FittedTest) -> list[Line2D]:

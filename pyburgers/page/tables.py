@@ -52,9 +52,7 @@ SAMPLER_COLUMNS = ("ESS bulk", "ESS tail", "R-hat")
 
 
 def result_table(
-    summary: pd.DataFrame,
-    priors: PriorSet,
-    truth: pd.DataFrame | None,
+    summary: pd.DataFrame, priors: PriorSet, truth: pd.DataFrame | None
 ) -> pd.DataFrame:
     """Return `parameter_table` without sampler and fixed parameters, with the truth if known."""
     names = [*map(str, summary.index)]

@@ -29,7 +29,6 @@ from pyburgers.posterior.groups import (
     groups_at_points,
     keep_posterior,
     microstructure_group,
-    microstructure_of_test,
     point_groups,
 )
 from pyburgers.posterior.labelled_draws import (
@@ -107,9 +106,13 @@ def _groups_of(
     if MICROSTRUCTURE_LOG_LIKELIHOOD in fit:
         measured = microstructure_group(fit, experiments)
         common[MICROSTRUCTURE] = measured
-        for e, (experiment, own) in enumerate(zip(experiments, tests.values(), strict=True)):
-            if experiment.microstructure:
-                own[MICROSTRUCTURE] = microstructure_of_test(measured, experiments, e)
+        first = 0
+        for experiment in experiments:
+            if n_sections := len(experiment.microstructure):
+                sections = measured.isel(section=slice(first, first + n_sections))
+                numbered = sections.assign_coords(section=np.arange(n_sections))
+                tests[experiment.id][MICROSTRUCTURE] = numbered
+                first += n_sections
     if problem.is_single:
         (groups,) = tests.values()
     else:

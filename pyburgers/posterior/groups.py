@@ -122,15 +122,6 @@ def microstructure_group(fit: Draws, experiments: Sequence[Experiment]) -> xr.Da
     )
 
 
-def microstructure_of_test(
-    group: xr.Dataset, experiments: Sequence[Experiment], test: int
-) -> xr.Dataset:
-    """Return the part of `microstructure_group` that is about one test, counted from 0."""
-    before = sum(len(experiment.microstructure) for experiment in experiments[:test])
-    own = group.isel(section=slice(before, before + len(experiments[test].microstructure)))
-    return own.assign_coords(section=np.arange(own.sizes["section"]))
-
-
 def keep_posterior(
     run: RunDirectory,
     groups: Mapping[str, xr.Dataset],

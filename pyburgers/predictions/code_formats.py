@@ -5,7 +5,7 @@ With exp(+iωt), J* = J1 - i J2 and G* = 1/J* = G1 + i G2; losses are positive J
 
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 
 import numpy as np
@@ -64,8 +64,8 @@ class CreepFormat:
                 f"Q is {self.gas_constant}/{GAS_CONSTANT} times the fitted one, for R = "
                 f"{self.gas_constant} J/(mol K) in {self.code}."
             )
-        suited = law.with_gas_constant(self.gas_constant)
-        body = self.body(suited, name, factors)
+        energy = law.activation_energy * (self.gas_constant / GAS_CONSTANT)
+        body = self.body(replace(law, activation_energy=energy), name, factors)
         if not self.comment:
             quoted = json.dumps(lines, ensure_ascii=False)
             return "\n".join(body).replace('"NOTES"', quoted) + "\n"

@@ -122,10 +122,7 @@ def collection(name: str) -> FittedRock:
     return FittedRock(
         name=name,
         material=record["material"],
-        kind=about["kind"],
-        source=about["source"],
-        doi=about["doi"],
-        licence=about["licence"],
+        **{key: about[key] for key in ("kind", "source", "doi", "licence")},
         variant=record["variant"],
         laws=MappingProxyType({law: record[law] for law in LAWS if law in record}),
         sampled_well=Outcome(record["sampled_well"]),

@@ -212,9 +212,7 @@ def _draws_of(fit: SampledFit, names: Iterable[str]) -> dict[str, FloatArray]:
     return {name: all_draws(draws[name]) for name in names}
 
 
-def _law_of_tables(
-    fit: RateFit,
-) -> tuple[dict[str, FloatArray], dict[str, str], dict[str, object]]:
+def _law_of_tables(fit: RateFit) -> tuple[dict[str, FloatArray], dict[str, str], dict[str, object]]:
     """Return draws (n_draws,) by name, names of their priors if they are others, and the laws."""
     law, scatter = fit.law, _draws_of(fit, [*fit.law.enhancements, SCATTER])
     microstructure = {"microstructure": {"undeformed": undeformed("initial_grain_size")}}
@@ -310,7 +308,7 @@ def as_latex(one: Exported) -> str:
         spread = rf"${rounded(mean, sd)} \pm {rounded(sd, sd)}$" if sd else f"${mean:.4g}$ (fixed)"
         row = correlation[free.index(k)] if k in free else np.full(len(free), np.nan)
         cells = ["" if np.isnan(value) else f"${value:z.2f}$" for value in row]
-        decided = _decided(name, one.decided_by[k], one.by_prior_of[k])
+        decided = decision_text(name, one.decided_by[k], one.by_prior_of[k], _symbol_in_text)
         lines.append(" & ".join([f"${_symbol(name)}$", unit, spread, decided, *cells]) + r" \\")
     return "\n".join([*lines, r"\bottomrule", r"\end{tabular}"]) + "\n"
 
@@ -332,14 +330,8 @@ def _symbol(name: str) -> str:
     return shown_quantity(name).symbol
 
 
-def _decided(name: str, decided_by: str, by_prior_of: str) -> str:
-    """Return who decides a number, such as ``prior (of $Q_M$)``."""
-    return decision_text(
-        name,
-        decided_by,
-        by_prior_of,
-        lambda other: symbol_of(other) if other == JOINT_PRIOR else f"${_symbol(other)}$",
-    )
+def _symbol_in_text(name: str) -> str:
+    return symbol_of(name) if name == JOINT_PRIOR else f"${_symbol(name)}$"
 
 
 def _display(name: str) -> tuple[float, str]:

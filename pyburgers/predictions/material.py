@@ -78,9 +78,7 @@ class Material:
         """Return the range of median rates (1/s) of the dashpot at the highest stresses."""
         highest = [one.median_stress + one.amplitude for one in regimes]
         rates = flow_rate(
-            self.parameters,
-            np.reshape([min(highest), max(highest)], (2, 1, 1)),
-            **self.state,
+            self.parameters, np.reshape([min(highest), max(highest)], (2, 1, 1)), **self.state
         )
         least, most = np.median(rates, axis=(1, 2))
         return {"strain rate": (float(least), float(most))}

@@ -23,7 +23,6 @@ from pyburgers.flow_law_tables.fit import RateFit
 from pyburgers.flow_law_tables.laws import Mechanism, RateLaw
 from pyburgers.kinds.attenuation.table import Elasticity
 from pyburgers.kinds.experiment import Experiment
-from pyburgers.model.arrhenius import GAS_CONSTANT
 from pyburgers.model.display import LENGTH_FACTOR, LENGTH_UNIT
 from pyburgers.model.environment import environment_law
 from pyburgers.model.laws import (
@@ -245,12 +244,6 @@ class CreepLaw:
         """Return the same law with the effect of its grain size in the prefactor, p = 0."""
         factor = self.log_factor - self.grain_size_exponent * np.log(self.grain_size)
         return replace(self, log_factor=float(factor), grain_size_exponent=0.0)
-
-    def with_gas_constant(self, gas_constant: float) -> "CreepLaw":
-        """Return the law that has the same rates with another R (J/(mol K))."""
-        return replace(
-            self, activation_energy=self.activation_energy * (gas_constant / GAS_CONSTANT)
-        )
 
 
 @dataclass(frozen=True, eq=False)

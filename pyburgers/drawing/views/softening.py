@@ -29,8 +29,7 @@ SHARES = (-1.0, 2.0)
 
 
 def microstructure_facts(
-    measured: Sequence[MeasuredMicrostructure],
-    place: Callable[[MeasuredMicrostructure], str],
+    measured: Sequence[MeasuredMicrostructure], place: Callable[[MeasuredMicrostructure], str]
 ) -> list[tuple[str, str]]:
     """Say what was measured of the microstructure, if anything, and where: ``15 % strain``."""
     if not measured:

@@ -240,7 +240,7 @@ def _predict(fit: Fit, options: argparse.Namespace, out: Path) -> None:
         evolved, at = fitted_material(fit, **material), options.evolving or EVOLVING_FREQUENCIES
         comparison = evolving_attenuation(evolved, at, regimes, hold_time=hold_time)
     measured = None if options.measured is None else load_measured_attenuation(options.measured)
-    figure = attenuation(spectrum, spectrum.attrs["title"], comparison, measured)
+    figure = attenuation(spectrum, comparison, measured)
     files = [out.with_suffix(suffix) for suffix in (".csv", ".nc", ".png", ".svg")]
     spectra, tables = {out: spectrum}, {out: quantile_table(spectrum)}
     if comparison is not None:

@@ -21,6 +21,7 @@ from pyburgers.drawing.panels import HALF_WIDTH, FittedCurve, ReadCurve
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.kind import FittedTest
 from pyburgers.kinds.likelihood import NAMES, likelihood_of
+from pyburgers.model.read_quantities import Quantity, ReadQuantity
 from pyburgers.posterior.labelled_draws import response_in
 
 
@@ -86,6 +87,11 @@ def reading_errors(fit: FittedTest) -> FloatArray:
     return np.asarray((replicated - response).std(("chain", "draw")).to_numpy())
 
 
+def shown_clock(experiment: Experiment) -> Quantity:
+    """Return the clock of a test in the unit in which it is shown."""
+    return likelihood_of(experiment).shown_clock(experiment.span[1])
+
+
 def residual_size(fit: FittedTest, noise: str) -> float:
     """Return the posterior mean of the size of residuals (SI), those of a law's discrepancy too."""
     draws = fit.posterior["posterior"].to_dataset()
@@ -97,22 +103,20 @@ def residual_size(fit: FittedTest, noise: str) -> float:
 def curve_of(
     fit: FittedTest,
     read: ReadCurve,
-    name: str,
-    noise: str,
-    label: str,
+    quantity: ReadQuantity,
+    label: str = "",
     *,
-    factor: float = 1.0,
-    clock_factor: float = 1.0,
     rows: BoolArray | slice = slice(None),
 ) -> FittedCurve:
     """Return the curve of a quantity from the readings of it, some rows of all, and predictions."""
+    name, factor = quantity.name, quantity.display_factor
     return FittedCurve(
         **vars(read),
-        grid=positions(fit) * clock_factor,
+        grid=positions(fit) * shown_clock(fit.experiment).display_factor,
         solutions=predicted(fit, name) * factor,
         replicated=predicted(fit, f"{name}_replicated") * factor,
         residuals=residuals(fit)[rows] * factor,
-        noise_band=HALF_WIDTH * residual_size(fit, noise) * factor,
-        residual_label=label,
+        noise_band=HALF_WIDTH * residual_size(fit, quantity.noise) * factor,
+        residual_label=label or f"residual ({quantity.display_unit})",
         data_label=f"{fit.experiment.provenance.kind} data",
     )

@@ -3,17 +3,22 @@
 from collections.abc import Mapping, Sequence
 from functools import partial
 
-import xarray as xr
-
 from pyburgers.drawing.page_parts import PageFigure, PageSection, PageTable
 from pyburgers.kinds.kind import FittedTest
-from pyburgers.predictions import figures as attenuation_figures
 from pyburgers.predictions.attenuation import overview_table, predict_attenuation, quantile_table
 from pyburgers.predictions.evolving import (
     evolving_attenuation,
     evolving_overview,
     evolving_sentence,
     evolving_table,
+)
+from pyburgers.predictions.figures import (
+    AMPLITUDE_CAPTION,
+    ATTENUATION_CAPTION,
+    DRAWS_CAPTION,
+    amplitude_dependence,
+    attenuation,
+    attenuation_draws,
 )
 from pyburgers.predictions.material import (
     elastic_modulus_sentence,
@@ -58,6 +63,33 @@ def attenuation_section(
     spectra = {name: predict_attenuation(fit) for name, fit in fits.items()}
     first, fit = next(iter(fits.items()))
     evolving = evolving_attenuation(fitted_material(fit))
+    figures = [
+        PageFigure(
+            f"{name}_spectrum",
+            f"Attenuation of {name}",
+            ATTENUATION_CAPTION,
+            partial(attenuation, spectrum, evolving if name == first else None, measured),
+            frozen_sentence(spectrum),
+        )
+        for name, spectrum in spectra.items()
+    ]
+    figures.append(
+        PageFigure(
+            f"{first}_draws",
+            f"Attenuation of {first}, draw by draw",
+            DRAWS_CAPTION,
+            partial(attenuation_draws, spectra[first]),
+        )
+    )
+    if amplitudes:
+        figures.append(
+            PageFigure(
+                f"{first}_amplitude",
+                f"Attenuation of {first} and the amplitude of the cycles",
+                AMPLITUDE_CAPTION,
+                partial(amplitude_dependence, predict_attenuation(fit, regimes=amplitudes)),
+            )
+        )
     return PageSection(
         key="attenuation",
         title="Attenuation",
@@ -95,56 +127,6 @@ def attenuation_section(
                 words=("regime",),
             ),
         ),
-        figures=_figures(spectra, fit, evolving, amplitudes, measured),
+        figures=tuple(figures),
         after_fits=True,
     )
-
-
-def _figures(
-    spectra: Mapping[str, xr.Dataset],
-    fit: FittedTest,
-    evolving: xr.Dataset,
-    amplitudes: Sequence[Regime],
-    measured: MeasuredAttenuation | None,
-) -> tuple[PageFigure, ...]:
-    """Return the figure of every spectrum, and for the first fit those of draws and amplitudes."""
-    first, of_first = next(iter(spectra.items()))
-    figures = [
-        PageFigure(
-            f"{name}_spectrum",
-            f"Attenuation of {name}",
-            attenuation_figures.ATTENUATION_CAPTION,
-            partial(
-                attenuation_figures.attenuation,
-                spectrum,
-                spectrum.attrs["title"],
-                evolving if name == first else None,
-                measured,
-            ),
-            frozen_sentence(spectrum),
-        )
-        for name, spectrum in spectra.items()
-    ]
-    figures.append(
-        PageFigure(
-            f"{first}_draws",
-            f"Attenuation of {first}, draw by draw",
-            attenuation_figures.DRAWS_CAPTION,
-            partial(attenuation_figures.attenuation_draws, of_first, of_first.attrs["title"]),
-        )
-    )
-    if amplitudes:
-        by_amplitude = predict_attenuation(fit, regimes=amplitudes)
-        figures.append(
-            PageFigure(
-                f"{first}_amplitude",
-                f"Attenuation of {first} and the amplitude of the cycles",
-                attenuation_figures.AMPLITUDE_CAPTION,
-                partial(
-                    attenuation_figures.amplitude_dependence,
-                    by_amplitude,
-                    by_amplitude.attrs["title"],
-                ),
-            )
-        )
-    return tuple(figures)

@@ -195,17 +195,11 @@ def _law_text(fit: RateFit) -> str:
         decided = str(summary.at[name, "decided_by"])
         return f"{symbol}{value_text(values)}{unit} (decided by {decided})"
 
-    numbers = {
-        one.name: [
-            shown(parameter, one.name)
-            for parameter in ("stress_exponent", "activation_enthalpy", *one.environment)
-        ]
-        for one in fit.law.mechanisms
-    }
-    parts = [
-        f"{name.replace('_', ' ')} has {', '.join(others)} and {last}"
-        for name, (*others, last) in numbers.items()
-    ]
+    parts = []
+    for one in fit.law.mechanisms:
+        parameters = ("stress_exponent", "activation_enthalpy", *one.environment)
+        *others, last = (shown(parameter, one.name) for parameter in parameters)
+        parts.append(f"{one.name.replace('_', ' ')} has {', '.join(others)} and {last}")
     return f"{fit.law.priors.title}: {'; '.join(parts)}."
 
 

@@ -106,10 +106,6 @@ def load_design_plan(path: str | Path) -> DesignPlan:
     path : path
         TOML file; files of candidates are found from its folder.
 
-    Returns
-    -------
-    DesignPlan
-
     Raises
     ------
     InputError

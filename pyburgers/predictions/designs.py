@@ -107,10 +107,6 @@ def design(
     seed : int
         Of the noise of new readings.
 
-    Returns
-    -------
-    Design
-
     Raises
     ------
     InputError

@@ -19,10 +19,9 @@ from pyburgers.common.errors import require_type
 from pyburgers.common.units import rounded_to
 from pyburgers.drawing.panels import draw_dots, draw_thin_lines, figure_of
 from pyburgers.drawing.style import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY_BLUE, VERMILION
+from pyburgers.drawing.view import shown_clock
 from pyburgers.fitting.prediction import Prediction
-from pyburgers.kinds.experiment import Experiment
-from pyburgers.kinds.likelihood import likelihood_of
-from pyburgers.model.read_quantities import Quantity, ReadQuantity
+from pyburgers.model.read_quantities import ReadQuantity
 from pyburgers.predictions.attenuation import evolving_quantiles, flat_draws
 from pyburgers.predictions.material import likely_fails
 from pyburgers.predictions.measured_attenuation import MeasuredAttenuation
@@ -87,7 +86,6 @@ AMPLITUDE_CAPTION = (
 
 def attenuation(
     spectrum: xr.Dataset,
-    title: str,
     comparison: xr.Dataset | None = None,
     measured: MeasuredAttenuation | None = None,
 ) -> Figure:
@@ -110,7 +108,7 @@ def attenuation(
         points = [] if measured is None else _draw_measured(axes, measured)
         handles: list[Handle] = [*lines, *areas, *_failing_handles(spectrum), *solved, *points]
         cautions = spectrum.attrs.get("cautions", "").splitlines()
-        _legend_above(figure, handles, _wrapped(title, *cautions))
+        _legend_above(figure, handles, _wrapped(spectrum.attrs["title"], *cautions))
     return figure
 
 
@@ -136,7 +134,7 @@ def _draw_measured(axes: Axes, measured: MeasuredAttenuation) -> list[ErrorbarCo
     return drawn
 
 
-def attenuation_draws(spectrum: xr.Dataset, title: str) -> Figure:
+def attenuation_draws(spectrum: xr.Dataset) -> Figure:
     """Draw single draws of attenuation against frequency, a panel for each regime."""
     spectrum = spectrum.sortby("frequency")
     tan_delta = flat_draws(spectrum["tan_delta"])
@@ -177,12 +175,12 @@ def attenuation_draws(spectrum: xr.Dataset, title: str) -> Figure:
             ],
             loc="outside upper center",
             ncols=2 if fails.any() else 3,
-            title=title,
+            title=spectrum.attrs["title"],
         )
     return figure
 
 
-def amplitude_dependence(spectrum: xr.Dataset, title: str) -> Figure:
+def amplitude_dependence(spectrum: xr.Dataset) -> Figure:
     """Draw spectra of one median stress, and their ratios to that of the smallest amplitude."""
     spectrum = spectrum.sortby("frequency")
     tan_delta = flat_draws(spectrum["tan_delta"])
@@ -199,7 +197,8 @@ def amplitude_dependence(spectrum: xr.Dataset, title: str) -> Figure:
         left.set_title("(a) attenuation", loc="left")
         right.set_title("(b) relative to the smallest amplitude", loc="left")
         areas = [Patch(color=BLACK, alpha=0.2, label="90 % of draws")]
-        _legend_above(figure, [*lines, *areas, *_failing_handles(spectrum)], title)
+        handles = [*lines, *areas, *_failing_handles(spectrum)]
+        _legend_above(figure, handles, spectrum.attrs["title"])
     return figure
 
 
@@ -319,16 +318,12 @@ def _wrapped(*sentences: str) -> str:
     return "\n".join(line for text in sentences for line in textwrap.wrap(text, TITLE_WIDTH))
 
 
-def _clock(experiment: Experiment) -> Quantity:
-    return likelihood_of(experiment).shown_clock(experiment.span[1])
-
-
 def _clock_label(prediction: Prediction, quantity: ReadQuantity) -> str:
     """Return what the clock of a test shows; of tables of cycles, spectra and their periods (s)."""
     experiment = prediction.experiment
     period = experiment.conditions_at(clock_of(prediction, quantity)).get("period_s")
     if period is None:
-        return _clock(experiment).label
+        return shown_clock(experiment).label
     periods = " to ".join(map(rounded_to, (period.min(), period.max())))
     return f"temperature (K) of spectra over periods of {periods} s (logarithmic)"
 
@@ -336,7 +331,7 @@ def _clock_label(prediction: Prediction, quantity: ReadQuantity) -> str:
 def _draw(axes: Axes, prediction: Prediction, quantity: ReadQuantity) -> None:
     """Draw bands of a quantity, and data where there are some."""
     experiment = prediction.experiment
-    clock, factor = _clock(experiment), quantity.shown.display_factor
+    clock, factor = shown_clock(experiment), quantity.shown.display_factor
     places = clock_of(prediction, quantity)
     # Lines end with a spectrum: the next one begins at its shortest period.
     conditions = experiment.conditions_at(places)

@@ -8,6 +8,7 @@ from scipy.special import log_ndtr, logsumexp, ndtri_exp
 from pyburgers.common.draws import FloatArray, all_draws, evenly_spaced
 from pyburgers.common.errors import InputError
 from pyburgers.common.units import count_points
+from pyburgers.drawing.view import shown_clock
 from pyburgers.fitting.prediction import Prediction
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.likelihood import likelihood_of
@@ -107,7 +108,7 @@ def band_table(prediction: Prediction) -> pd.DataFrame:
 def overview_table(prediction: Prediction) -> pd.DataFrame:
     """Return bands at a few positions for people, as text in display units."""
     experiment = prediction.experiment
-    clock = likelihood_of(experiment).shown_clock(experiment.span[1])
+    clock = shown_clock(experiment)
     table = band_table(prediction)
     shown = table.iloc[np.linspace(0, len(table) - 1, OVERVIEW).round().astype(int)]
 

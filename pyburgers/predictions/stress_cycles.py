@@ -28,10 +28,7 @@ PARAMETER_NAMES = (
     "maxwell_modulus",
     "kelvin_modulus",
     "kelvin_viscosity",
-    "stress_exponent",
-    "grain_size_exponent",
-    "activation_enthalpy",
-    "beta",
+    *FLOW_LAW,
 )
 """Parameters that a spectrum needs."""
 

@@ -47,12 +47,13 @@ def spectrum(tmp_path_factory: pytest.TempPathFactory) -> xr.Dataset:
     """Five regimes that share a median stress."""
     fit = make_fit(tmp_path_factory.mktemp("run"), chains=2, draws=80)
     regimes = [Regime(2e6, amplitude) for amplitude in (0.5e6, 0.1e6, 1e6, 1.5e6, 2e6)]
-    return predict_attenuation(fit, np.geomspace(1e-4, 1.0, 20), regimes)
+    found = predict_attenuation(fit, np.geomspace(1e-4, 1.0, 20), regimes)
+    return found.assign_attrs(title="a heading")
 
 
 @pytest.fixture(scope="module")
 def figures(spectrum: xr.Dataset) -> Mapping[Draw, Figure]:
-    return {draw: draw(spectrum, "a heading") for draw in DRAWERS}
+    return {draw: draw(spectrum) for draw in DRAWERS}
 
 
 @pytest.fixture(scope="module")
@@ -115,7 +116,7 @@ def test_lines_are_thin_and_pale_where_frozen_microstructure_fails(
     holding = spectrum.assign(frozen_fails=0 * spectrum["frozen_fails"])
     for draw in DRAWERS:
         assert FAILING_LABEL in words(figures[draw])
-        assert FAILING_LABEL not in words(draw(holding, ""))
+        assert FAILING_LABEL not in words(draw(holding))
 
 
 def test_regimes_differ_in_colour_and_in_dashes(figures: Mapping[Draw, Figure]) -> None:
@@ -148,7 +149,7 @@ def test_a_panel_for_each_regime_shows_at_most_150_draws(
         assert len(curves.get_segments()) == 150
         assert curves.get_rasterized()
     assert "150 single draws" in words(figure)
-    few = attenuation_draws(spectrum.isel(draw=slice(0, 10)), "")
+    few = attenuation_draws(spectrum.isel(draw=slice(0, 10)))
     assert "20 single draws" in words(few)
 
 
@@ -164,9 +165,9 @@ def test_the_same_spectrum_in_any_order_gives_the_same_bytes(
     draw: Draw, spectrum: xr.Dataset, rendered: Mapping[Draw, bytes]
 ) -> None:
     shuffled = spectrum.isel(frequency=[3, 1, 0, 2, *range(19, 3, -1)])
-    assert image(draw(shuffled, "a heading"), "svg") == rendered[draw]
+    assert image(draw(shuffled), "svg") == rendered[draw]
     for one in ({"regime": [0]}, {"frequency": [3]}):
-        draw(spectrum.isel(one), "").draw_without_rendering()
+        draw(spectrum.isel(one)).draw_without_rendering()
 
 
 POINTS = """# made up for a test
@@ -198,7 +199,7 @@ def test_bars_at_a_single_frequency_have_room(tmp_path: Path) -> None:
     fit = make_fit(tmp_path / "run", draws=30)
     regimes = [Regime(4e6, 1.5e6)]
     solved = evolving_attenuation(fitted_material(fit), [1e-2], regimes, max_draws=2)
-    figure = attenuation(predict_attenuation(fit, [1e-2], regimes), "title", solved)
+    figure = attenuation(predict_attenuation(fit, [1e-2], regimes), solved)
     image(figure, "png")  # a warning would be an error
     low, high = figure.axes[0].get_xlim()
     assert low < 1e-2 < high
@@ -207,11 +208,11 @@ def test_bars_at_a_single_frequency_have_room(tmp_path: Path) -> None:
 def test_points_are_drawn_over_the_spectrum(tmp_path: Path) -> None:
     spectrum = predict_attenuation(make_fit(tmp_path / "run", draws=30))
     points = load_measured_attenuation(write(tmp_path, POINTS))
-    axes = attenuation(spectrum, "title", measured=points).axes[0]
+    axes = attenuation(spectrum, measured=points).axes[0]
     containers = [one for one in axes.containers if isinstance(one, ErrorbarContainer)]
     drawn = {one.get_label(): one.lines[0].get_xydata() for one in containers}
     assert set(drawn) == {"1 MPa", "measured"}
     assert drawn["1 MPa"] == pytest.approx(np.array([[1e-3, 0.41], [1e-2, 0.22]]))
     (legend,) = axes.figure.legends
     assert {"1 MPa", "measured"} <= {text.get_text() for text in legend.get_texts()}
-    assert not attenuation(spectrum, "title").axes[0].containers
+    assert not attenuation(spectrum).axes[0].containers

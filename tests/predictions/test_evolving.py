@@ -249,7 +249,7 @@ def test_a_lag_beyond_a_quarter_cycle_is_infinite_in_tables_and_above_all_in_the
     assert np.isinf(found["tan_delta_evolving"].to_numpy()).ravel().tolist() == [False, True]
     assert evolving_table(found)["evolving_q50"].tolist()[1] == np.inf
     assert evolving_overview(found)["tan δ, evolving"].tolist()[1] == "inf [inf, inf]"
-    figure = attenuation(material_spectrum(softer, (1e-4, 1e-3), regimes), "", found)
+    figure = attenuation(material_spectrum(softer, (1e-4, 1e-3), regimes), found)
     (axes,) = figure.axes
     triangles = [line for line in axes.lines if line.get_marker() == "^"]
     assert triangles
@@ -261,7 +261,7 @@ def test_a_lag_beyond_a_quarter_cycle_is_infinite_in_tables_and_above_all_in_the
 
 
 def test_the_figure_shows_what_was_solved(fit: Fit, comparison: xr.Dataset) -> None:
-    figure = attenuation(predict_attenuation(fit), "", comparison)
+    figure = attenuation(predict_attenuation(fit), comparison)
     (axes,) = figure.axes
     drawn = [line for line in axes.lines if line.get_label() == "_evolving"]
     medians = np.median(comparison["tan_delta_evolving"], axis=0)

@@ -30,6 +30,7 @@ from pyburgers.kinds.attenuation.table import ATTENUATION, MODULUS, CycleConditi
 from pyburgers.kinds.experiment import of_kind
 from pyburgers.kinds.kind import FittedTest
 from pyburgers.model.display import cycles_text
+from pyburgers.model.read_quantities import LOG_TAN_DELTA
 
 GPA = 1e-9
 PERIOD_LABEL = "period (s)"
@@ -307,7 +308,7 @@ def fitted_curve(fit: FittedTest) -> FittedCurve:
         label="ln tan δ, ln(modulus/Pa)",
         heading=experiment.title,
     )
-    curve = curve_of(fit, read, "log_reading", "attenuation_scatter", "residual / its sd")
+    curve = curve_of(fit, read, LOG_TAN_DELTA, "residual / its sd")
     # Attenuation and modulus have noises of their own, and readings stated errors.
     return replace(curve, residuals=curve.residuals / reading_errors(fit), noise_band=HALF_WIDTH)
 

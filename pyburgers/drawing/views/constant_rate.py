@@ -14,7 +14,7 @@ from pyburgers.drawing.panels import (
     curve_result,
     curve_with_residuals,
 )
-from pyburgers.drawing.view import View, curve_of, marks_text, positions
+from pyburgers.drawing.view import View, curve_of, marks_text
 from pyburgers.drawing.views.softening import (
     evolves,
     microstructure_facts,
@@ -26,7 +26,8 @@ from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, rat
 from pyburgers.kinds.experiment import of_kind
 from pyburgers.kinds.kind import FittedTest
 from pyburgers.kinds.likelihood import strains_of
-from pyburgers.model.display import STRAIN_FACTOR, STRESS_FACTOR, STRESS_UNIT
+from pyburgers.model.display import STRAIN_FACTOR, STRESS_FACTOR
+from pyburgers.model.read_quantities import STRESS
 
 
 @recipe(
@@ -66,16 +67,7 @@ def read_curve(experiment: ConstantRateExperiment) -> ReadCurve:
 
 def fitted_curve(fit: FittedTest) -> FittedCurve:
     """Gather the stress-strain curve as measured and as a fit has it."""
-    experiment = of_kind(fit.experiment, ConstantRateExperiment)
-    return curve_of(
-        fit,
-        read_curve(experiment),
-        "stress",
-        "stress_noise",
-        f"residual ({STRESS_UNIT})",
-        factor=STRESS_FACTOR,
-        clock_factor=STRAIN_FACTOR,
-    )
+    return curve_of(fit, read_curve(of_kind(fit.experiment, ConstantRateExperiment)), STRESS)
 
 
 @recipe(
@@ -87,14 +79,7 @@ def fitted_curve(fit: FittedTest) -> FittedCurve:
 )
 def softening(fit: FittedTest) -> Figure:
     """Draw how grain size and fabric soften the material along strain."""
-    experiment = of_kind(fit.experiment, ConstantRateExperiment)
-    return softening_along(
-        fit,
-        positions(fit) * STRAIN_FACTOR,
-        measured=strains_of(experiment.microstructure) * STRAIN_FACTOR,
-        label=STRAIN_LABEL,
-        end=experiment.final_strain * STRAIN_FACTOR,
-    )
+    return softening_along(fit, strains_of(fit.experiment.microstructure), STRAIN_LABEL)
 
 
 def facts(experiment: ConstantRateExperiment) -> Sequence[tuple[str, str]]:

@@ -59,6 +59,7 @@ from pyburgers.model.display import (
     shown_quantity,
     unit_text,
 )
+from pyburgers.model.read_quantities import STRESS
 
 TIME_LABEL = "time on the record's clock (s)"
 
@@ -206,8 +207,7 @@ def read_curve(experiment: OscillationExperiment) -> ReadCurve:
 def fitted_curve(fit: FittedTest) -> FittedCurve:
     """Gather the stress along time as measured and as a fit has it."""
     experiment = of_kind(fit.experiment, OscillationExperiment)
-    read, label = read_curve(experiment), "residual / noise (–)"
-    curve = curve_of(fit, read, "stress", "stress_noise", label, factor=STRESS_FACTOR)
+    curve = curve_of(fit, read_curve(experiment), STRESS, "residual / noise (–)")
     noise = curve.noise_band / HALF_WIDTH * experiment.prepared.relative_uncertainty
     return replace(curve, residuals=curve.residuals / noise, noise_band=HALF_WIDTH)
 

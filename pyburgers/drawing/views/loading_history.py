@@ -41,7 +41,7 @@ from pyburgers.kinds.likelihood import strains_of, times_of
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.stan_data import stage_of_times
 from pyburgers.model.display import STRAIN_FACTOR, STRESS_FACTOR, time_unit
-from pyburgers.model.read_quantities import STRAIN, STRESS, Quantity
+from pyburgers.model.read_quantities import STRAIN, STRESS, ReadQuantity
 
 STAGE_COLOURS = (BLUE, VERMILION, "#009E73", PURPLE, ORANGE, "#56B4E9")
 _LABELS = {"stress": STRESS_LABEL, "strain": STRAIN_LABEL}
@@ -144,7 +144,7 @@ def response(fit: FittedTest) -> Figure:
     return figure
 
 
-def _main(experiment: HistoryExperiment) -> Quantity:
+def _main(experiment: HistoryExperiment) -> ReadQuantity:
     return STRAIN if 2 * experiment.response_is_strain.sum() >= experiment.n_points else STRESS
 
 
@@ -153,7 +153,7 @@ def read_curve(experiment: HistoryExperiment) -> ReadCurve:
     return _read(experiment, _main(experiment))
 
 
-def _read(experiment: HistoryExperiment, shown: Quantity) -> ReadCurve:
+def _read(experiment: HistoryExperiment, shown: ReadQuantity) -> ReadCurve:
     """Gather a quantity along time as read."""
     unit, seconds = time_unit(experiment.end_time)
     is_read = experiment.response_is_strain == (shown is STRAIN)
@@ -168,21 +168,12 @@ def _read(experiment: HistoryExperiment, shown: Quantity) -> ReadCurve:
     )
 
 
-def _curve(fit: FittedTest, shown: Quantity) -> FittedCurve:
+def _curve(fit: FittedTest, shown: ReadQuantity) -> FittedCurve:
     """Gather a quantity along time as read and as a fit has it, in display units."""
     experiment = of_kind(fit.experiment, HistoryExperiment)
-    _, seconds = time_unit(experiment.end_time)
     imposed = np.array([stage.driven == shown.name for stage in experiment.stages])
-    curve = curve_of(
-        fit,
-        _read(experiment, shown),
-        shown.name,
-        f"{shown.name}_noise",
-        f"residual ({shown.display_unit})",
-        factor=shown.display_factor,
-        clock_factor=1 / seconds,
-        rows=experiment.response_is_strain == (shown is STRAIN),
-    )
+    is_read = experiment.response_is_strain == (shown is STRAIN)
+    curve = curve_of(fit, _read(experiment, shown), shown, rows=is_read)
     # What is imposed has no reading error.
     is_imposed = imposed[stage_of_times(experiment, positions(fit))]
     return replace(curve, replicated=np.where(is_imposed, curve.solutions, curve.replicated))
@@ -251,22 +242,14 @@ def response_result(fit: FittedTest) -> str:
 def softening(fit: FittedTest) -> Figure:
     """Draw how grain size and fabric soften the material along time."""
     experiment = of_kind(fit.experiment, HistoryExperiment)
-    unit, seconds = time_unit(experiment.end_time)
-    time = positions(fit)
     path_strain = np.nanmedian(predicted(fit, "path_strain"), axis=0)
     sections = experiment.microstructure
     measured = np.where(
         [one.time is None for one in sections],
-        np.interp(strains_of(sections), path_strain, time),
+        np.interp(strains_of(sections), path_strain, positions(fit)),
         times_of(sections),
     )
-    return softening_along(
-        fit,
-        time / seconds,
-        measured=measured / seconds,
-        label=f"time ({unit})",
-        end=experiment.end_time / seconds,
-    )
+    return softening_along(fit, measured)
 
 
 def facts(experiment: HistoryExperiment) -> Sequence[tuple[str, str]]:

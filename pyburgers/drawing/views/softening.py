@@ -17,7 +17,7 @@ from pyburgers.drawing.panels import (
     figure_of,
 )
 from pyburgers.drawing.style import BLACK, BLUE, GREEN, SKY_BLUE, VERMILION
-from pyburgers.drawing.view import predicted
+from pyburgers.drawing.view import positions, predicted, shown_clock
 from pyburgers.kinds.experiment import Experiment, MeasuredMicrostructure
 from pyburgers.kinds.kind import FittedTest
 from pyburgers.model.display import LENGTH_FACTOR, LENGTH_UNIT
@@ -65,15 +65,13 @@ def softening_caption(end: str) -> str:
     )
 
 
-def softening_along(
-    fit: FittedTest, position: FloatArray, *, measured: FloatArray, label: str, end: float
-) -> Figure:
-    """Draw how grain size and fabric soften the material along a test, in the unit of a label.
+def softening_along(fit: FittedTest, measured: FloatArray, label: str = "") -> Figure:
+    """Draw how grain size and fabric soften the material along a test.
 
-    The predictions are at a `position`, (n_grid,), the microstructure was `measured` at some,
-    (n_sections,), and the test ends at `end`.
+    The microstructure was `measured` at some positions on its clock (SI), shape (n_sections,).
     """
-    experiment = fit.experiment
+    experiment, clock = fit.experiment, shown_clock(fit.experiment)
+    position = positions(fit) * clock.display_factor
     by_grains, by_fabric = (
         predicted(fit, name) for name in ("grain_size_softening", "fabric_softening")
     )
@@ -105,10 +103,11 @@ def softening_along(
             heading="(c) strength factors",
             label="flow stress / undeformed (–)",
         )
-        _draw_measured(grains, fabric, experiment, measured)
+        _draw_measured(grains, fabric, experiment, measured * clock.display_factor)
         for axes, least_top in ((grains, 0.0), (fabric, 1.05), (strength, 1.05)):
             axes.set_ylim(0.0, max(axes.get_ylim()[1], least_top))
-            axes.set(xlabel=label, xlim=(0.0, end))
+            axes.set(xlabel=label or clock.label)
+            axes.set_xlim(0.0, experiment.span[1] * clock.display_factor)
         _draw_share(share, softening_shares(fit.posterior["predictions"].to_dataset()))
     return figure
 

@@ -5,20 +5,13 @@ from functools import partial
 
 from pyburgers.drawing.page_parts import PageFigure, PageSection, PageTable
 from pyburgers.kinds.kind import FittedTest
+from pyburgers.predictions import figures
 from pyburgers.predictions.attenuation import overview_table, predict_attenuation, quantile_table
 from pyburgers.predictions.evolving import (
     evolving_attenuation,
     evolving_overview,
     evolving_sentence,
     evolving_table,
-)
-from pyburgers.predictions.figures import (
-    AMPLITUDE_CAPTION,
-    ATTENUATION_CAPTION,
-    DRAWS_CAPTION,
-    amplitude_dependence,
-    attenuation,
-    attenuation_draws,
 )
 from pyburgers.predictions.material import (
     elastic_modulus_sentence,
@@ -63,31 +56,32 @@ def attenuation_section(
     spectra = {name: predict_attenuation(fit) for name, fit in fits.items()}
     first, fit = next(iter(fits.items()))
     evolving = evolving_attenuation(fitted_material(fit))
-    figures = [
+    drawn = [
         PageFigure(
             f"{name}_spectrum",
             f"Attenuation of {name}",
-            ATTENUATION_CAPTION,
-            partial(attenuation, spectrum, evolving if name == first else None, measured),
+            figures.ATTENUATION_CAPTION,
+            partial(figures.attenuation, spectrum, evolving if name == first else None, measured),
             frozen_sentence(spectrum),
         )
         for name, spectrum in spectra.items()
     ]
-    figures.append(
+    drawn.append(
         PageFigure(
             f"{first}_draws",
             f"Attenuation of {first}, draw by draw",
-            DRAWS_CAPTION,
-            partial(attenuation_draws, spectra[first]),
+            figures.DRAWS_CAPTION,
+            partial(figures.attenuation_draws, spectra[first]),
         )
     )
     if amplitudes:
-        figures.append(
+        by_amplitude = predict_attenuation(fit, regimes=amplitudes)
+        drawn.append(
             PageFigure(
                 f"{first}_amplitude",
                 f"Attenuation of {first} and the amplitude of the cycles",
-                AMPLITUDE_CAPTION,
-                partial(amplitude_dependence, predict_attenuation(fit, regimes=amplitudes)),
+                figures.AMPLITUDE_CAPTION,
+                partial(figures.amplitude_dependence, by_amplitude),
             )
         )
     return PageSection(
@@ -127,6 +121,6 @@ def attenuation_section(
                 words=("regime",),
             ),
         ),
-        figures=tuple(figures),
+        figures=tuple(drawn),
         after_fits=True,
     )

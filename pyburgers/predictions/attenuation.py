@@ -21,6 +21,7 @@ of the strain and its steady drift do not enter: tan(delta) is that of the funda
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -301,20 +302,11 @@ def material_spectrum(
     material: Material,
     frequencies: Sequence[float] | FloatArray,
     regimes: Sequence[Regime],
-    *,
-    hold_time: float = HOLD_TIME,
-    critical_share: float = CRITICAL_SHARE,
-    with_strains: bool = True,
+    **options: Any,
 ) -> xr.Dataset:
     """Return the `attenuation_spectrum` of a material, with its attributes."""
     spectrum = attenuation_spectrum(
-        material.parameters,
-        frequencies,
-        regimes,
-        **material.state,
-        hold_time=hold_time,
-        critical_share=critical_share,
-        with_strains=with_strains,
+        material.parameters, frequencies, regimes, **material.state, **options
     )
     return spectrum.assign_coords(chain=material.chain, draw=material.draw).assign_attrs(
         material.attributes

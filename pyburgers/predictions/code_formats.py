@@ -169,20 +169,18 @@ def _lamem(law: CreepLaw, name: str, factors: Factors) -> list[str]:
 def _pism(law: CreepLaw, name: str, factors: Factors) -> list[str]:
     """Return a file for -options_file; the law "arr" has one Arrhenius branch and no pressure."""
     law = law.at_its_grain_size()
-    options = [
-        (f"stress_balance.{part}.{key}", value)
-        for part in ("sia", "ssa")
-        for key, value in (
-            ("flow_law", "arr"),
-            ("Glen_exponent", repr(law.stress_exponent)),
-            ("enhancement_factor", "1"),
-        )
+    lines = []
+    for part in ("sia", "ssa"):
+        lines += [
+            f"-stress_balance.{part}.flow_law arr",
+            f"-stress_balance.{part}.Glen_exponent {law.stress_exponent!r}",
+            f"-stress_balance.{part}.enhancement_factor 1",
+        ]
+    return [
+        *lines,
+        f"-flow_law.Paterson_Budd.A_cold {law.prefactor!r}",
+        f"-flow_law.Paterson_Budd.Q_cold {law.activation_energy!r}",
     ]
-    options += [
-        ("flow_law.Paterson_Budd.A_cold", repr(law.prefactor)),
-        ("flow_law.Paterson_Budd.Q_cold", repr(law.activation_energy)),
-    ]
-    return [f"-{key} {value}" for key, value in options]
 
 
 def _elmer(law: CreepLaw, name: str, factors: Factors) -> list[str]:
@@ -195,14 +193,10 @@ def _elmer(law: CreepLaw, name: str, factors: Factors) -> list[str]:
         f"  Glen Exponent = Real {law.stress_exponent!r}",
         "  Glen Enhancement Factor = Real 1.0",
         "  Limit Temperature = Real -10.0",
-        *(
-            f"  {key} {branch} = Real {value!r}"
-            for key, value in (
-                ("Rate Factor", factor),
-                ("Activation Energy", law.activation_energy),
-            )
-            for branch in (1, 2)
-        ),
+        f"  Rate Factor 1 = Real {factor!r}",
+        f"  Rate Factor 2 = Real {factor!r}",
+        f"  Activation Energy 1 = Real {law.activation_energy!r}",
+        f"  Activation Energy 2 = Real {law.activation_energy!r}",
     ]
 
 
@@ -211,10 +205,7 @@ def _icepack(law: CreepLaw, name: str, factors: Factors) -> list[str]:
     return [
         "# fluidity in MPa^-n a^-1 (a = 365.25 d); n replaces icepack.constants.glen_flow_law",
         "temperature_K,n,fluidity",
-        *(
-            f"{temperature!r},{law.stress_exponent!r},{factor!r}"
-            for temperature, factor in factors.items()
-        ),
+        *(f"{at!r},{law.stress_exponent!r},{factor!r}" for at, factor in factors.items()),
     ]
 
 

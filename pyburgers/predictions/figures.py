@@ -22,17 +22,10 @@ from pyburgers.drawing.style import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY_BLUE
 from pyburgers.drawing.view import shown_clock
 from pyburgers.fitting.prediction import Prediction
 from pyburgers.model.read_quantities import ReadQuantity
+from pyburgers.predictions import other_tests
 from pyburgers.predictions.attenuation import evolving_quantiles, flat_draws
 from pyburgers.predictions.material import likely_fails
 from pyburgers.predictions.measured_attenuation import MeasuredAttenuation
-from pyburgers.predictions.other_tests import (
-    answers,
-    as_shown,
-    clock_of,
-    is_upper_limit,
-    read_quantities,
-    shown_draws,
-)
 
 Handle = Patch | Line2D | ErrorbarContainer
 """What a legend names."""
@@ -295,7 +288,7 @@ def prediction_figure(prediction: Prediction) -> Figure:
     >>> figure = pyburgers.prediction_figure(fit.predict(test))
     """
     require_type("prediction", prediction, Prediction, "a prediction, as of Fit.predict")
-    shown = answers(prediction)
+    shown = other_tests.answers(prediction)
     with figure_of(8.0, 1.6 + 3.6 * len(shown)) as figure:
         # Tables of cycles have each quantity at places of its own.
         sharex = len({one.name for one in shown}) == len(shown)
@@ -321,7 +314,7 @@ def _wrapped(*sentences: str) -> str:
 def _clock_label(prediction: Prediction, quantity: ReadQuantity) -> str:
     """Return what the clock of a test shows; of tables of cycles, spectra and their periods (s)."""
     experiment = prediction.experiment
-    period = experiment.conditions_at(clock_of(prediction, quantity)).get("period_s")
+    period = experiment.conditions_at(other_tests.clock_of(prediction, quantity)).get("period_s")
     if period is None:
         return shown_clock(experiment).label
     periods = " to ".join(map(rounded_to, (period.min(), period.max())))
@@ -332,7 +325,7 @@ def _draw(axes: Axes, prediction: Prediction, quantity: ReadQuantity) -> None:
     """Draw bands of a quantity, and data where there are some."""
     experiment = prediction.experiment
     clock, factor = shown_clock(experiment), quantity.shown.display_factor
-    places = clock_of(prediction, quantity)
+    places = other_tests.clock_of(prediction, quantity)
     # Lines end with a spectrum: the next one begins at its shortest period.
     conditions = experiment.conditions_at(places)
     period = conditions.get("period_s", places)
@@ -340,7 +333,7 @@ def _draw(axes: Axes, prediction: Prediction, quantity: ReadQuantity) -> None:
     position = np.insert(places * clock.display_factor, ends, np.nan)
     solved, new = (
         np.insert(factor * draws, ends, np.nan, axis=1)
-        for draws in shown_draws(prediction, quantity)
+        for draws in other_tests.shown_draws(prediction, quantity)
     )
     for draws, percent, colour, opacity, label in (
         (new, 90, ORANGE, 0.35, "90 % of new readings"),
@@ -354,14 +347,14 @@ def _draw(axes: Axes, prediction: Prediction, quantity: ReadQuantity) -> None:
         axes.fill_between(position, low, high, color=tint, linewidth=0, label=label)
     median = np.median(solved, axis=0)
     axes.plot(position, median, color=VERMILION, linewidth=1.6, label="predictive median")
-    own = np.array([one == quantity for one in read_quantities(experiment)], dtype=bool)
-    limit = is_upper_limit(experiment)
+    own = np.array([one == quantity for one in other_tests.read_quantities(experiment)], dtype=bool)
+    limit = other_tests.is_upper_limit(experiment)
     for some, marker, label in (
         (own & ~limit, "o", f"{experiment.provenance.kind} data"),
         (own & limit, "v", "upper limits"),
     ):
         if some.any():
-            measured = as_shown(quantity, experiment.response[some]) * factor
+            measured = other_tests.as_shown(quantity, experiment.response[some]) * factor
             at = experiment.position[some] * clock.display_factor
             draw_dots(axes, at, measured, marker=marker, label=label)
     if "temperature_K" in conditions:

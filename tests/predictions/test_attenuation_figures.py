@@ -32,7 +32,7 @@ from pyburgers.predictions.material import fitted_material, likely_fails
 from pyburgers.predictions.measured_attenuation import load_measured_attenuation
 from pyburgers.predictions.stress_cycles import Regime
 
-Draw = Callable[[xr.Dataset, str], Figure]
+Draw = Callable[[xr.Dataset], Figure]
 
 DRAWERS: Mapping[Draw, str] = {
     attenuation: ATTENUATION_CAPTION,

@@ -3,8 +3,7 @@
 The measure is the expected log pointwise predictive density (elpd) by leave-one-out
 cross-validation, approximated from the draws of the fit of all points with Pareto smoothed
 importance sampling (Vehtari, Gelman and Gabry 2017, Statistics and Computing 27, 1413-1432). A
-point whose weights have too heavy a tail (Pareto k above 0.7) is flagged, and can be left out in
-earnest: the fit is repeated without it. Of all these fits it is said which were not sampled well.
+point whose weights have too heavy a tail (Pareto k above 0.7) can be left out by fitting again.
 """
 
 import logging

@@ -227,10 +227,7 @@ def _command(*words: str | Path) -> str:
 
 
 def parameter_shifts(fits: Mapping[str, Fit]) -> pd.DataFrame:
-    """Return unit, mean, sd of the first fit; of others the mean, and its move over that sd.
-
-    Rows are quantities that all fits have, and that mean the same in all.
-    """
+    """Return mean and sd of the first fit, and means and moves of others, of what all fits share."""
     (_, first), *others = fits.items()
     table = first.si_summary()[["unit", "mean", "sd"]]
     for name, other in others:

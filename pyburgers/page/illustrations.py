@@ -61,10 +61,7 @@ _BETWEEN = re.compile(r">\s+<")
 
 @dataclass(frozen=True, eq=False)
 class InlineSvg:
-    """A picture as a part of a page: its size in points, and what stands in the svg element.
-
-    `panels`: JSON for the page's script. `colours`: six digits each, written as ``--c-DIGITS``.
-    """
+    """A picture in a page: size in points, content, panels as JSON, colours of six digits each."""
 
     width: float
     height: float

@@ -138,10 +138,7 @@ def _groups_of(
 def _places_on_grids(
     experiments: Sequence[Experiment], grids: Sequence[FloatArray]
 ) -> tuple[list[dict[str, slice]], dict[str, int]]:
-    """Return where what a program gives on grids is that of each test, and the size of each.
-
-    Its variables hold the tests of one protocol one after the other.
-    """
+    """Return where a program's grids hold each test, those of a protocol in turn, and the sizes."""
     sizes: dict[str, int] = {}
     places = []
     for experiment, grid in zip(experiments, grids, strict=True):
@@ -238,10 +235,7 @@ def reference_solution(
     *,
     seed: int,
 ) -> xr.Dataset:
-    """Return log likelihood and grid of solutions of every draw at the reference tolerance.
-
-    Variables name quantities on the grid and their sizes; a draw without solution has NaN.
-    """
+    """Return log likelihood and grid `variables` of draws at the reference tolerance, or NaN."""
     data = {**data, **solver_block(REFERENCE_SOLVER)}
     try:
         return model.generate(data, files, seed=seed).dataset(["log_lik", *variables])

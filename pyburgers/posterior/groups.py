@@ -92,10 +92,8 @@ def grid_group(checked: xr.Dataset, experiment: Experiment) -> xr.Dataset:
 def microstructure_group(fit: Draws, experiments: Sequence[Experiment]) -> xr.Dataset:
     """Gather measured microstructure of tests, and draws of it, by section and quantity.
 
-    Variables are model, replicated and log_likelihood (0 if nothing was measured), and without
-    draws measured and error, the standard deviation of the fabric factor and of the logarithm
-    of the grain size (m). Path strain and time (s) of each section are coordinates; one of them
-    is NaN.
+    The log likelihood is 0 if nothing was measured. The error is that of the fabric factor and of
+    the logarithm of the grain size (m). Each section has either a path strain or a time (s).
     """
     drawn = {
         "model": "microstructure_model",
@@ -151,11 +149,10 @@ def keep_posterior(
 
 
 def load_posterior(run: RunDirectory, manifest: Mapping[str, Any]) -> xr.DataTree | None:
-    """Return labelled draws of a run, or None if they are not complete or lack finished draws.
+    """Return labelled draws of a run, or None if they are not those of its finished chains.
 
-    None too if they name another kind of data than `manifest`, as after a correction of the file.
-
-    Raises `InputError` if the bytes that are read have another hash than `manifest` notes.
+    None too after a correction of the kind of data in the file. Raises `InputError` if the bytes
+    that are read have another hash than `manifest` notes.
     """
     noted = manifest.get("posterior_sha256")
     if not run.posterior_file.is_file() or noted is None:

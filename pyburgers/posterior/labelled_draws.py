@@ -81,10 +81,7 @@ def told_readings(posterior: xr.DataTree) -> BoolArray:
 
 
 def pointwise_log_density(posterior: xr.DataTree) -> xr.DataArray:
-    """Return the log density of each point given all others, by chain, draw and point.
-
-    Of independent residuals it is the log likelihood of the point.
-    """
+    """Return the log density of each point given all others: its log likelihood if independent."""
     return response_in(
         posterior, CORRELATED if CORRELATED in posterior.children else "log_likelihood"
     )
@@ -132,24 +129,14 @@ def sampled_draws(posterior: xr.DataTree) -> xr.Dataset:
     return draws
 
 
-ARVIZ_GROUPS = (
-    "posterior_predictive",
-    "log_likelihood",
-    "log_prior",
-    "sample_stats",
-    "observed_data",
-    "constant_data",
-)
-"""Groups of labelled draws that ArviZ knows, beside the posterior."""
-
-
 def arviz_data(posterior: xr.DataTree, prior_groups: Mapping[str, xr.Dataset]) -> Any:
     """Return draws and groups of the prior as ArviZ's InferenceData (0.x) or DataTree (1.x)."""
+    known = ("posterior_predictive", "log_likelihood", "log_prior", "sample_stats")
     groups: dict[str, Any] = {
         "posterior": sampled_draws(posterior),
         **{
             name: posterior[name].to_dataset()
-            for name in ARVIZ_GROUPS
+            for name in (*known, "observed_data", "constant_data")
             if name in posterior.children
         },
         **prior_groups,
@@ -209,10 +196,7 @@ def draws_table(posterior: xr.DataTree) -> pd.DataFrame:
 
 
 def in_display_units(table: pd.DataFrame) -> pd.DataFrame:
-    """Return a table of quantities in SI units, as `draws_table` has it, in display units.
-
-    Spreads of pooled parameters have none; they are on the real line.
-    """
+    """Return a table in display units; spreads of pooled parameters stay on the real line."""
     shown = table.copy()
     numbers = [one for one in DIMENSIONAL if one in table]
     for name in table.index:

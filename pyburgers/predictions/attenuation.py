@@ -1,21 +1,11 @@
 """Attenuation of a pre-stressed nonlinear Burgers material: the exact spectrum, of many draws.
 
-A constant median stress with a sinusoid on top, sigma_m + sigma_0 sin(omega t), drives the
-material; its microstructure is frozen. Since stress is imposed, the elements of the series circuit
-answer independently, and the strain at the frequency of the cycles is known in closed form for
-any power law and any amplitude::
-
-    J1 = 1/E_M(T) + J1_K,  J1_K = E_K/(E_K^2 + omega^2 eta_K^2)
-    J2 = J2_K + B/omega,   J2_K = omega eta_K/(E_K^2 + omega^2 eta_K^2)
-    tan(delta) = J2/J1
-    B  = 1/(pi sigma_0) * integral over 0..2 pi of g(sigma_m + sigma_0 sin x) sin(x) dx
-    g(sigma) = sgn(sigma) (|sigma|/F)^n d^-p exp[Q_M (beta - 1/(R T))]
-
-(of a hyperbolic sine with sigma_L sinh[|sigma|/(F sigma_L)] in place of |sigma|/F; J1_K and J2_K
-are those of one Kelvin element; other laws are in `stan/physics/relaxation.stan`).
-
-The dashpot's fluidity B depends on the regime of stresses but not on frequency. Higher harmonics
-of the strain and its steady drift do not enter: tan(delta) is that of the fundamental.
+A constant median stress with a sinusoid on top drives the material; its microstructure is frozen.
+Since stress is imposed, the elements of the series circuit answer independently, and the strain at
+the frequency of the cycles is known in closed form for any power law and any amplitude
+(docs/model.md): tan(delta) = J2/J1, J1 = 1/E_M(T) + J1_K, J2 = J2_K + B/omega. The dashpot's
+fluidity B depends on the regime of stresses but not on frequency. Higher harmonics of the strain
+and its steady drift do not enter: tan(delta) is that of the fundamental.
 """
 
 from collections.abc import Mapping, Sequence

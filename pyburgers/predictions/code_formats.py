@@ -1,7 +1,4 @@
-"""Creep laws and compliances in shear as other codes take them; docs/export.md has the sources.
-
-With exp(+iωt), J* = J1 - i J2 and G* = 1/J* = G1 + i G2; losses are positive J2 and G2.
-"""
+"""Creep laws and compliances in shear as other codes take them; docs/export.md has the sources."""
 
 import json
 from collections.abc import Callable, Mapping, Sequence

@@ -154,11 +154,9 @@ def solve_imposed_stress(
     """Solve materials under a hold at the median stress and the cycles after it.
 
     Parameters, grain size (m) and fabric have the shape (n_materials,). Times (s) count from the
-    start of the cycles, increase, are greater than ``-hold_time`` and hold 0.
-    ``stress`` (Pa) has the shape (n_times,). ``strain``, ``kelvin_strain``, ``dashpot_strain``, and
-    of an evolving microstructure ``path_strain``, ``grain_size`` and ``fabric_factor``, have
-    (n_materials, n_times). Wrong frequencies and a backstress are refused by the spectrum
-    that is made before. Raises `SamplingError` if the solver finds no solution.
+    start of the cycles, increase, are greater than ``-hold_time`` and hold 0. ``stress`` (Pa) has
+    the shape (n_times,), all else (n_materials, n_times). Wrong frequencies and a backstress are
+    refused by the spectrum that is made before.
     """
     require_standard(
         parameters,

@@ -29,14 +29,7 @@ from pyburgers.drawing.panels import (
 )
 from pyburgers.drawing.style import BLACK, BLUE, GREEN, GREY, ORANGE, SKY_BLUE, VERMILION
 from pyburgers.drawing.view import View, curve_of, positions, predicted
-from pyburgers.drawing.views.oscillation_response import (
-    grains_result,
-    lag_result,
-    observed_response,
-    predicted_response,
-    replicated_response,
-    response_page_table,
-)
+from pyburgers.drawing.views import oscillation_response
 from pyburgers.drawing.views.softening import evolves
 from pyburgers.kinds.experiment import of_kind
 from pyburgers.kinds.forced_oscillation.experiment import OscillationExperiment
@@ -256,13 +249,14 @@ def stress_loop(fit: FittedTest) -> Figure:
     "replicated data, that is solutions with noise, treated like the record. Dashed lines "
     "enclose 90 % of the replicated amplitudes and lags: a model that describes the record has "
     "the cross inside both pairs, nine times out of ten at least.",
-    lag_result,
+    oscillation_response.lag_result,
 )
 def amplitude_phase(fit: FittedTest) -> Figure:
     """Draw amplitude and phase lag of the stress: observed, predicted and replicated."""
     experiment = of_kind(fit.experiment, OscillationExperiment)
-    observed = observed_response(experiment)
-    predicted, replicated = predicted_response(fit), replicated_response(fit)
+    observed = oscillation_response.observed_response(experiment)
+    predicted = oscillation_response.predicted_response(fit)
+    replicated = oscillation_response.replicated_response(fit)
     with figure_of(8.2, 5.2) as figure:
         axes = figure.subplots()
         for response, colour, label in (
@@ -317,7 +311,7 @@ def amplitude_phase(fit: FittedTest) -> Figure:
         * evolves(fit)
         + "The dashpot flows fastest while stress is high."
     ),
-    grains_result,
+    oscillation_response.grains_result,
 )
 def microstructure(fit: FittedTest) -> Figure:
     """Draw grain size and the dashpot's strain rate along time."""
@@ -398,5 +392,5 @@ VIEW = View(
         "stress, whichever is larger (at the amplitude where the background is removed), follows "
         "from the other parameters, and so does its prior."
     ),
-    tables=lambda fit: (response_page_table(fit),),
+    tables=lambda fit: (oscillation_response.response_page_table(fit),),
 )

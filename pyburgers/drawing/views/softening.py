@@ -66,10 +66,7 @@ def softening_caption(end: str) -> str:
 
 
 def softening_along(fit: FittedTest, measured: FloatArray, label: str = "") -> Figure:
-    """Draw how grain size and fabric soften the material along a test.
-
-    The microstructure was `measured` at some positions on its clock (SI), shape (n_sections,).
-    """
+    """Draw how grain size and fabric soften a material that was `measured` at positions (SI)."""
     experiment, clock = fit.experiment, shown_clock(fit.experiment)
     position = positions(fit) * clock.display_factor
     by_grains, by_fabric = (

@@ -227,7 +227,7 @@ def _command(*words: str | Path) -> str:
 
 
 def parameter_shifts(fits: Mapping[str, Fit]) -> pd.DataFrame:
-    """Return mean and sd of the first fit, and means and moves of others, of what all fits share."""
+    """Return mean and sd of the first fit, and means and moves of others, of what all share."""
     (_, first), *others = fits.items()
     table = first.si_summary()[["unit", "mean", "sd"]]
     for name, other in others:

@@ -2,10 +2,13 @@
 
 A constant median stress with a sinusoid on top drives the material; its microstructure is frozen.
 Since stress is imposed, the elements of the series circuit answer independently, and the strain at
-the frequency of the cycles is known in closed form for any power law and any amplitude
-(docs/model.md): tan(delta) = J2/J1, J1 = 1/E_M(T) + J1_K, J2 = J2_K + B/omega. The dashpot's
-fluidity B depends on the regime of stresses but not on frequency. Higher harmonics of the strain
-and its steady drift do not enter: tan(delta) is that of the fundamental.
+the frequency of the cycles is known in closed form for any flow law g and any amplitude::
+
+    J1 = 1/E_M(T) + J1_K,  J2 = J2_K + B/omega,  tan(delta) = J2/J1
+    B  = 1/(pi sigma_0) * integral over 0..2 pi of g(sigma_m + sigma_0 sin x) sin(x) dx
+
+The dashpot's fluidity B depends on the regime of stresses but not on frequency. Higher harmonics
+of the strain and its steady drift do not enter: tan(delta) is that of the fundamental.
 """
 
 from collections.abc import Mapping, Sequence

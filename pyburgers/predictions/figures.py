@@ -190,7 +190,7 @@ def amplitude_dependence(spectrum: xr.Dataset) -> Figure:
         left.set_title("(a) attenuation", loc="left")
         right.set_title("(b) relative to the smallest amplitude", loc="left")
         areas = [Patch(color=BLACK, alpha=0.2, label="90 % of draws")]
-        handles = [*lines, *areas, *_failing_handles(spectrum)]
+        handles: list[Handle] = [*lines, *areas, *_failing_handles(spectrum)]
         _legend_above(figure, handles, spectrum.attrs["title"])
     return figure
 

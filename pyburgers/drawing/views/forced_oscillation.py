@@ -76,8 +76,8 @@ def preparation(prepared: PreparedOscillation, record: OscillationRecord, headin
         driving = f"(c) strain rate that drives the model, background {prepared.background}"
         rate = _Panel(panels[2], driving, r"strain rate (10$^{-5}$ s$^{-1}$)", RATE_FACTOR)
         raw_stress = _Panel(panels[3], "(d) stress readings", *stress)
-        heading = "(e) stress that the model is compared with, bias and drift "
-        compared = _Panel(panels[4], heading + ("kept" if kept else "removed"), *stress)
+        aim = "(e) stress that the model is compared with, bias and drift "
+        compared = _Panel(panels[4], aim + ("kept" if kept else "removed"), *stress)
         raw_strain.dots(*strain_bars, record.strain, "strain readings")
         raw_strain.fit(of_strain, strain_fit)
         detrended = record.strain - strain_fit.trend(record.strain_time)

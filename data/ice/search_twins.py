@@ -27,11 +27,7 @@ from pyburgers.common.messages import messages_to
 from pyburgers.model.arrhenius import GAS_CONSTANT
 from pyburgers.model.parameters import PROGRAM_PARAMETERS
 from pyburgers.model.priors import default_priors
-from pyburgers.predictions.attenuation import (
-    DEFAULT_FREQUENCIES,
-    attenuation_spectrum,
-    regime_peaks,
-)
+from pyburgers.predictions.attenuation import DEFAULT_FREQUENCIES, attenuation_spectrum
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
@@ -173,7 +169,7 @@ def may_have_one_falling_stretch(sample: Sample, table: pd.DataFrame) -> BoolArr
     """
     lowest = np.full(len(table), np.log(sample.peak_stress))
     fastest = table.assign(activation_enthalpy=enthalpy(sample, table, lowest))
-    found: BoolArray = ~regime_peaks(spectra(fastest, [1e-3]))[:, 1]
+    found: BoolArray = ~spectra(fastest, [1e-3])["debye_peak"].to_numpy()[:, 1]
     return found
 
 
@@ -194,7 +190,7 @@ def requirements(sample: Sample, solved: pd.DataFrame) -> dict[str, BoolArray]:
     Attenuation is that of the initial microstructure, as in the study's statements.
     """
     spectrum = spectra(solved)
-    peaks = regime_peaks(spectrum)
+    peaks = spectrum["debye_peak"].to_numpy()
     low, high = falling_stretch(spectrum)
     tan_delta = spectrum["tan_delta"].to_numpy()
     steps = np.diff(tan_delta[:, [0, 2, 3]], axis=1)

@@ -161,12 +161,10 @@ class SameData:
     def answers(self, kind: CheckKind) -> list[Said]:
         """Say what speaks against a yes to a question, alike answers once."""
         told = alike(
-            [section.entry for section in self.sections],
-            lambda one: (one.verdicts[kind].outcome, tuple(one.doubts(kind))),
+            self.sections,
+            lambda one: (one.entry.verdicts[kind].outcome, tuple(one.entry.doubts(kind))),
         )
-        return [
-            Said(lines, self._names(entries), outcome) for (outcome, lines), entries in told.items()
-        ]
+        return [Said(lines, self._names(of), outcome) for (outcome, lines), of in told.items()]
 
     @property
     def left_open(self) -> tuple[str, ...]:
@@ -179,27 +177,27 @@ class SameData:
     @property
     def conflicts(self) -> list[Said]:
         """Say what prior and data disagree about, alike sentences once."""
-        told = alike([section.entry for section in self.sections], lambda one: one.conflict)
-        return [Said((text,), self._names(entries)) for text, entries in told.items() if text]
+        told = alike(self.sections, lambda one: one.entry.conflict)
+        return [Said((text,), self._names(of)) for text, of in told.items() if text]
 
     @property
     def decisions(self) -> list[Said]:
         """Say which bounds and priors to mind, alike sentences once."""
-        entries = [section.entry for section in self.sections]
+        each = dict.fromkeys(text for one in self.sections for text in one.entry.decisions)
         return [
-            Said((text,), self._names(one for one in entries if text in one.decisions))
-            for text in dict.fromkeys(text for one in entries for text in one.decisions)
+            Said((text,), self._names(one for one in self.sections if text in one.entry.decisions))
+            for text in each
         ]
 
     @property
     def without_data(self) -> list[Said]:
         """Say which fits the data were kept from."""
         without = [one for one in self.sections if not one.fit.manifest["use_likelihood"]]
-        return [Said((), self._names(one.entry for one in without))] if without else []
+        return [Said((), self._names(without))] if without else []
 
-    def _names(self, entries: Iterable[Entry]) -> tuple[str, ...]:
+    def _names(self, of: Iterable[Section]) -> tuple[str, ...]:
         """Names of fits; none where there is one fit."""
-        return tuple(one.name for one in entries) if self.others else ()
+        return tuple(one.name for one in of) if self.others else ()
 
     @property
     def values(self) -> pd.DataFrame:

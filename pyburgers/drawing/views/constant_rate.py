@@ -79,7 +79,8 @@ def fitted_curve(fit: FittedTest) -> FittedCurve:
 )
 def softening(fit: FittedTest) -> Figure:
     """Draw how grain size and fabric soften the material along strain."""
-    return softening_along(fit, strains_of(fit.experiment.microstructure), STRAIN_LABEL)
+    experiment = of_kind(fit.experiment, ConstantRateExperiment)
+    return softening_along(fit, strains_of(experiment.microstructure), STRAIN_LABEL)
 
 
 def facts(experiment: ConstantRateExperiment) -> Sequence[tuple[str, str]]:

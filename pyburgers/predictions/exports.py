@@ -264,7 +264,8 @@ def export(
     )
     given = {**vars(stated), "draws": draws or None}
     for name, value in given.items():
-        if value not in (None, ()) and name not in chosen.uses:
+        is_given = value is not None and not (isinstance(value, tuple) and not value)
+        if is_given and name not in chosen.uses:
             found = ", ".join(map(str, value)) if isinstance(value, tuple) else value
             raise InputError(
                 f"{name}: found {found}, expected none: {file_format} does not use it."

@@ -48,16 +48,9 @@ TRUTH: Mapping[str, float] = TRUTHS["fast"]
 
 @dataclass(frozen=True)
 class Contrast:
-    """A law that made the data, and a rival.
+    """Choices of the law that made the data and of a rival, and parameters (SI) beside `TRUTH`.
 
-    Attributes
-    ----------
-    made_by, rival
-        Choices of variants.
-    truth
-        True parameters (SI) other than `TRUTH`.
-    stepped
-        Whether the rate steps; else it is that of PIL40.
+    A rate that is not `stepped` is that of PIL40.
     """
 
     made_by: Mapping[str, str]

@@ -93,14 +93,9 @@ def solve(
 ) -> FloatArray:
     """Stress (Pa), strain, Kelvin, path and dashpot strain, d/d_0, Kelvin rate: shape (7, n).
 
-    Parameters
-    ----------
-    legs : sequence
-        Rows: whether stress is imposed, duration (s), stress at the start (Pa), rate, temperature.
-    times : sequence of array
-        Since the start of each leg, over its duration.
-    elements_of : sequence
-        Legs of the test whose elements are taken, if not of this one.
+    A leg says whether stress is imposed, its duration (s), stress at its start (Pa), rate and
+    temperature. Times are those since its start over its duration. Elements may be those for the
+    legs of another test.
     """
     data = {
         "n_legs": len(legs),

@@ -9,14 +9,15 @@ from conftest import FunctionValues
 from relaxation_oracle import band_oracle, compliance_oracle, creep_oracle, parts, peak_oracle
 from stan_values import PHYSICS
 
+from pyburgers.model.arrhenius import log_slowdown
 from pyburgers.model.closed_forms import closed_forms
 from pyburgers.model.kelvin_elements import band_elements, peak_elements
+from pyburgers.model.laws import KELVIN_LAWS
 from pyburgers.model.parameters import PROGRAM_PARAMETERS
 
 FloatArray = npt.NDArray[np.float64]
 
 N_SETS = 200
-GAS_CONSTANT = 8.31446261815324
 BOUNDS = {
     "maxwell_modulus": (60e9, 70e9),
     "kelvin_modulus": (10e9, 100e9),
@@ -35,17 +36,7 @@ BOUNDS = {
 """From which parameters are drawn; viscosities by their logarithm."""
 
 OF_LAW: Mapping[str, tuple[str, ...]] = {
-    "linear": (),
-    "two_elements": ("peak_strength", "peak_time_decades"),
-    "extended": ("relaxation_time_decades", "relaxation_exponent"),
-    "extended_peak": (
-        "relaxation_time_decades",
-        "relaxation_exponent",
-        "peak_strength",
-        "peak_time_decades",
-        "peak_width",
-    ),
-    "andrade": ("andrade_exponent",),
+    law.name: law.parameters for law in KELVIN_LAWS.values() if not law.own_stress
 }
 THERMAL = ("kelvin_activation_enthalpy", "kelvin_reference_temperature")
 GRAINS = ("kelvin_grain_size_exponent", "kelvin_reference_grain_size")
@@ -66,8 +57,8 @@ def random_sets(law: str, seed: int) -> list[dict[str, float]]:
 
 
 def longest_time(values: Mapping[str, float], temperature: float, grain_size: float) -> float:
-    slower = values["kelvin_activation_enthalpy"] / GAS_CONSTANT
-    slower *= 1 / temperature - 1 / values["kelvin_reference_temperature"]
+    reference = values["kelvin_reference_temperature"]
+    slower = log_slowdown(values["kelvin_activation_enthalpy"], temperature, reference)
     coarser = grain_size / values["kelvin_reference_grain_size"]
     time = values["kelvin_viscosity"] / values["kelvin_modulus"]
     return float(time * np.exp(slower) * coarser ** values["kelvin_grain_size_exponent"])

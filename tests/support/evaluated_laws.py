@@ -33,15 +33,7 @@ class _Quadrature(ast.NodeTransformer):
 
 
 def value_of(expression: str, values: Mapping[str, Any]) -> float:
-    """Evaluate an expression; ^ is a power.
-
-    Parameters
-    ----------
-    expression : str
-        What stands behind the equals sign, if there is one.
-    values : mapping
-        Of its names.
-    """
+    """Evaluate what stands behind the equals sign, if there is one; ^ is a power."""
     text = expression.split("=")[-1].strip().replace("^", "**")
     tree = ast.fix_missing_locations(_Quadrature().visit(ast.parse(text, mode="eval")))
 

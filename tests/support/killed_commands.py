@@ -91,15 +91,7 @@ sampler = {{ chains = 2, warmup = 150, draws = 100 }}
 
 @dataclass(frozen=True)
 class KilledCommand:
-    """A command that writes a folder.
-
-    Attributes
-    ----------
-    arguments : tuple of str
-        Of Python, with ``OUT`` for the folder.
-    prepare : callable
-        Makes the folder.
-    """
+    """Arguments of Python with ``OUT`` for the folder that it writes, and what makes the folder."""
 
     arguments: tuple[str, ...]
     prepare: Callable[[Path], None] = Path.mkdir
@@ -114,17 +106,7 @@ def fit_command(experiment: Path, priors: Path) -> KilledCommand:
 def killed_commands(
     experiment: Path, priors: Path, joint: Path, inputs: Path
 ) -> Mapping[str, KilledCommand]:
-    """Return the commands by name.
-
-    Parameters
-    ----------
-    experiment, priors : Path
-        Files of a fit that takes seconds.
-    joint : Path
-        A finished joint fit.
-    inputs : Path
-        An existing folder, for files that the commands read.
-    """
+    """Return the commands by name; files that they read are written to the folder `inputs`."""
     plan = inputs / "plan.toml"
     plan.write_text(PLAN.format(experiment=experiment, priors=priors), encoding="utf-8")
     archive = release_archive(inputs, GITHUB_VERSION, SLOW_BUILD)

@@ -53,17 +53,7 @@ WALL_TIMES = ("chain_seconds", "wall time (s)")
 
 @dataclass
 class Command:
-    """A command line that writes one folder.
-
-    Attributes
-    ----------
-    arguments : sequence of str
-        Of Python.
-    out : Path
-        What it writes.
-    done : list of str
-        Kills so far: how, and after how many seconds.
-    """
+    """Arguments of Python that write the folder `out`; `done` says how it was killed so far."""
 
     arguments: Sequence[str]
     out: Path
@@ -221,18 +211,7 @@ def attempt(
 ) -> None:
     """Kill a command until it ends by itself, or that many times; then look at what it left.
 
-    Parameters
-    ----------
-    one : Command
-        In a new folder; what was done to it is in its `done`.
-    expected : dict
-        `results` of the command where nobody kills it.
-    seconds : float
-        How long it takes by itself.
-    at_most : int
-        How often it is killed.
-    rng : Generator
-        Of when and how.
+    `expected` are its `results` where nobody kills it, which takes so many seconds.
     """
     hit = True
     while hit and len(one.done) < at_most:
@@ -257,18 +236,8 @@ def assert_survives(
 ) -> list[str]:
     """Kill a command so many times, on its way to the same results; return how.
 
-    Parameters
-    ----------
-    arguments : sequence of str
-        Of Python, with ``OUT`` for the folder that the command writes.
-    out : Path
-        A new folder.
-    kills : int
-        How often; a command that has ended begins anew in another folder.
-    seed : int
-        Of when and how.
-    prepare : callable
-        Makes the folder of an attempt.
+    Its arguments are those of `command_in`. A command that has ended begins anew in another folder,
+    which `prepare` makes.
     """
     rng = np.random.default_rng(seed)
 

@@ -38,26 +38,10 @@ E = TypeVar("E", bound=Experiment)
 class Example(ABC, Generic[E]):
     """What a protocol itself cannot be asked.
 
-    Attributes
-    ----------
-    twins : tuple of str
-        Synthetic tests with their truth.
-    columns : tuple of str
-        Of a solution.
-    measured : tuple of str
-        Tests whose columns are not part of the project.
-    stepped : tuple of str
-        Twins whose conditions change on the way.
-    quick : tuple of str
-        Synthetic tests that are solved in milliseconds.
-    materials : mapping of str to mapping of str to float
-        What differs from the truth in the materials that are solved.
-    few : tuple of str
-        Parameters of a fit that takes seconds, all others known.
-    options : SamplerOptions
-        Of a fit in earnest.
-    tight : SolverOptions
-        With which densities are compared.
+    `twins` are synthetic tests with their truth, those of `stepped` under conditions that change.
+    `quick` ones are solved in milliseconds. Columns of `measured` tests are not part of the
+    project. `materials` differ so from the truth. A fit of the parameters `few` takes seconds,
+    `options` are those of a fit in earnest, and densities are compared with the solver `tight`.
     """
 
     twins: ClassVar[tuple[str, ...]]

@@ -15,16 +15,8 @@ def make_known(
 ) -> Knowledge:
     """Return what is known of a fit, with solutions of the fit in place of those of the prior.
 
-    Parameters
-    ----------
-    fit : Fit
-        Of one test.
-    n_draws : int
-        Of the prior.
-    weights : array, shape (n_draws,), optional
-        Of what is known by one number; default all the same.
-    changed : array, shape (n_draws,) or (n_draws, n_grid)
-        Draws of parameters, or solutions, that are not those of the prior.
+    Draws, shape (n_draws,), weigh the same unless `weights` are given. `changed` are draws of
+    parameters, or solutions of shape (n_draws, n_grid), that are not those of the prior.
     """
     rng = np.random.default_rng(3)
     posterior, predictions = (

@@ -25,17 +25,7 @@ LAWS: Mapping[str, Mapping[str, float]] = {
 def linear_body(
     viscosity: float, kelvin_viscosity: float, temperature: float, grain_size: float
 ) -> dict[str, float]:
-    """Parameters of a body with springs of 4 and 1 GPa.
-
-    Parameters
-    ----------
-    viscosity, kelvin_viscosity : float
-        Of the dashpot at that temperature, and of the Kelvin element (Pa s).
-    temperature : float
-        In K.
-    grain_size : float
-        Of the sample, in m.
-    """
+    """Parameters of a body with springs of 4 and 1 GPa and viscosities (Pa s) at a temperature."""
     enthalpy = 62e3
     return {
         **STANDARD_VALUES,

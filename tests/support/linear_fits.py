@@ -18,14 +18,7 @@ NOISE_GRID = np.exp(np.linspace(-1.5, 1.5, 601))
 class LinearModel:
     """Responses f ~ N(0, prior), readings f + s e, with s = 1 and a prior of s like 1/s.
 
-    Attributes
-    ----------
-    position, segment : array, shape (n,)
-        Of the readings.
-    prior : array, shape (n, n)
-        Covariance of the responses.
-    factor : array, shape (n, n), or None
-        Cholesky factor of the correlation of the errors, where they correlate.
+    `factor`, shape (n, n), is the Cholesky factor of the correlation of errors that correlate.
     """
 
     position: FloatArray
@@ -35,13 +28,7 @@ class LinearModel:
 
     @classmethod
     def like(cls, posterior: xr.DataTree) -> "LinearModel":
-        """Return the linear model whose posterior of the responses is that of a fit.
-
-        Parameters
-        ----------
-        posterior : DataTree
-            Labelled draws of a test at constant rate.
-        """
+        """Return the linear model whose posterior of the responses is that of a test at a rate."""
         response = posterior["model_response"].to_dataset()["stress"]
         values = response.transpose("chain", "draw", "point").to_numpy()
         noise = posterior["posterior"].to_dataset()["stress_noise"].to_numpy()

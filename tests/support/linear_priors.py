@@ -8,24 +8,11 @@ import xarray as xr
 from scipy import stats
 
 from pyburgers.common.array_types import FloatArray
-from pyburgers.model.parameters import PARAMETER_BY_NAME
+from pyburgers.model.parameters import PARAMETER_BY_NAME, PARAMETERS
 from pyburgers.model.prior_families import Prior
 from pyburgers.model.priors import PriorSet
 
-NAMES = (
-    "maxwell_modulus",
-    "kelvin_modulus",
-    "kelvin_viscosity",
-    "stress_exponent",
-    "grain_size_exponent",
-    "activation_enthalpy",
-    "beta",
-    "steady_state_grain_size",
-    "steady_state_fabric_factor",
-    "critical_strain_grain_size",
-    "critical_strain_fabric",
-    "stress_noise",
-)
+NAMES = tuple(parameter.name for parameter in PARAMETERS)
 
 
 def standard_normal(name: str) -> Prior:
@@ -58,12 +45,7 @@ def normal_fits(
 ) -> Iterator[tuple[xr.DataTree, PriorSet]]:
     """Make truths from 12 normal priors, data of random designs, and draws of their posteriors.
 
-    Parameters
-    ----------
-    n_fits, seed, draws : int
-        Data sets, of what they are made, and draws of each.
-    away : float, optional
-        Standard deviations from its prior at which the first truth lies, which the data know well.
+    The first truth, which the data know well, may lie standard deviations `away` from its prior.
     """
     rng = np.random.default_rng(seed)
     priors = prior_set(*map(standard_normal, NAMES))
@@ -86,14 +68,8 @@ def uniform_fits(
 ) -> Iterator[tuple[xr.DataTree, PriorSet]]:
     """Make truths from 12 uniform priors, one reading of each, and draws of their posteriors.
 
-    Parameters
-    ----------
-    n_fits, seed, draws : int
-        As for `normal_fits`.
-    noise : float
-        Standard deviation of a reading, in ranges of the prior.
-    beyond : float, optional
-        How far the first reading lies below the lower bound, in its standard deviations.
+    The standard deviation of a reading is `noise` ranges of the prior. The first reading may lie
+    standard deviations `beyond` the lower bound.
     """
     rng = np.random.default_rng(seed)
     priors = prior_set(*map(uniform, NAMES))

@@ -37,16 +37,10 @@ class Evaluation:
 
 @dataclass(frozen=True)
 class Program:
-    """A compiled program with its data.
+    """A compiled program with its data and a folder for files.
 
-    Attributes
-    ----------
-    executable, data_file, folder
-        The program, its data, and where to put files.
-    unconstrain
-        Unconstrained coordinates, shape (n,), from the columns of the program's output.
-    scale
-        Typical size of the unconstrained coordinates, shape (n,).
+    `unconstrain` turns columns of the output into unconstrained coordinates, shape (n,), whose
+    typical sizes are `scale`.
     """
 
     executable: Path

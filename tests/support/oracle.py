@@ -160,19 +160,10 @@ def six_states(
     segments: Sequence[tuple[float, float]],
     strain: FloatArray,
 ) -> FloatArray:
-    """Solve the six equations in time from rest.
+    """Solve the six equations in time from rest, at increasing strains, shape (6, n).
 
-    Parameters
-    ----------
-    segments
-        Start strain and rate (1/s) of each segment.
-    strain
-        Increasing strains at which to report.
-
-    Returns
-    -------
-    array, shape (6, n)
-        Stress, Kelvin strain, elastic strain, dashpot strain, grain size, fabric factor.
+    Rows are stress, Kelvin, elastic and dashpot strain, grain size and fabric factor. A segment has
+    a start strain and a rate (1/s).
     """
 
     def rates(_time: float, state: FloatArray, strain_rate: float) -> FloatArray:
@@ -259,19 +250,10 @@ def piezometer(stress: float) -> float:
 
 @dataclass(frozen=True)
 class OscillatingStrain:
-    """Imposed strain: harmonics of a period and a background polynomial of time; SI units.
+    """Imposed strain: amplitudes of sin(k w t) and cos(k w t), k = 1, 2, ... and a background.
 
-    Attributes
-    ----------
-    period
-        Of the fundamental, s.
-    sine, cosine
-        Amplitudes of sin(k w t) and cos(k w t), k = 1, 2, ...
-    background
-        Strain rate of the background, 1/s: coefficients of powers of the time since `record_start`,
-        the constant first. Before the record the background keeps the rate it has there.
-    record_start
-        s.
+    The strain rate of the background (1/s) has coefficients of powers of the time since
+    `record_start` (s), the constant first. Before the record it keeps the rate it has there.
     """
 
     period: float
@@ -309,22 +291,10 @@ def oscillation(
     start_stress: float,
     time: FloatArray,
 ) -> FloatArray:
-    """Solve Eqs. 1, 2 and 5 with F = 1 in time.
+    """Solve Eqs. 1, 2 and 5 with F = 1: stress (Pa), Kelvin strain, grain size (m), shape (3, n).
 
-    The Kelvin element has settled under `start_stress`; grains keep their size until the record
-    starts.
-
-    Parameters
-    ----------
-    start
-        Time (s) at which the spin-up starts.
-    time
-        Increasing times (s) after the start of the record, shape (n,).
-
-    Returns
-    -------
-    array, shape (3, n)
-        Stress (Pa), Kelvin strain, grain size (m).
+    The spin-up begins at `start` (s), where the Kelvin element has settled under `start_stress`;
+    grains keep their size until the record starts. Times (s) after that increase.
     """
 
     def rates(at: float, state: FloatArray, growing: bool) -> FloatArray:

@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 import numpy as np
 import xarray as xr
+from independent_table import TRUTHS
 
 from pyburgers.common.array_types import FloatArray
 from pyburgers.common.atomic_files import write_json
@@ -21,25 +22,10 @@ from pyburgers.kinds.stan_data import REFERENCE_STRESS
 from pyburgers.model.parameters import PARAMETER_BY_NAME, PARAMETERS
 from pyburgers.model.pooling import SEPARATE
 from pyburgers.model.prior_families import Family, Prior
-from pyburgers.model.priors import PriorSet
+from pyburgers.model.priors import PriorSet, default_priors
 from pyburgers.sampling.run_directory import RunDirectory
 
-TRUTH = MappingProxyType(
-    {
-        "maxwell_modulus": 4.83e9,
-        "kelvin_modulus": 5.27e8,
-        "kelvin_viscosity": 2.4e10,
-        "stress_exponent": 3.779,
-        "grain_size_exponent": 0.55,
-        "activation_enthalpy": 62.08e3,
-        "beta": -7.29e-4,
-        "steady_state_grain_size": 159e-6,
-        "steady_state_fabric_factor": 0.54,
-        "critical_strain_grain_size": 0.074,
-        "critical_strain_fabric": 0.112,
-        "stress_noise": 0.1e6,
-    }
-)
+TRUTH = MappingProxyType({p.name: TRUTHS["fast"][p.name] for p in PARAMETERS})
 SPREAD: Mapping[str, float] = MappingProxyType(
     {
         "maxwell_modulus": 0.3e9,
@@ -88,25 +74,12 @@ def uniform(parameter: str, lower: float, upper: float) -> Prior:
 
 def make_priors(fixed: tuple[str, ...] = ()) -> PriorSet:
     """Priors like those of ice; the parameters named in `fixed` have their true value."""
-    free = [
-        make_prior("maxwell_modulus", "normal", 4e9, 2e9, 0.0),
-        uniform("kelvin_modulus", 5e8, 1e10),
-        uniform("kelvin_viscosity", 1e9, 5e11),
-        uniform("stress_exponent", 2.7, 4.5),
-        uniform("grain_size_exponent", 0.1, 0.7),
-        make_prior("activation_enthalpy", "normal", 65e3, 2e3),
-        make_prior("beta", "normal", -7.29e-4, 1e-6),
-        uniform("steady_state_grain_size", 10e-6, 200e-6),
-        uniform("steady_state_fabric_factor", 0.1, 0.9),
-        uniform("critical_strain_grain_size", 0.01, 0.1),
-        uniform("critical_strain_fabric", 0.01, 0.5),
-        make_prior("stress_noise", "half_normal", 0.0, 4e5, 0.0),
-    ]
+    ice = default_priors("ice").resolved(8e6)
     priors = {
-        prior.parameter: prior
-        if prior.parameter not in fixed
-        else make_prior(prior.parameter, "fixed", TRUTH[prior.parameter], 0.0)
-        for prior in free
+        name: make_prior(name, "fixed", TRUTH[name], 0.0)
+        if name in fixed
+        else make_prior(name, own.family, own.location, own.scale, own.lower, own.upper)
+        for name, own in ice.priors.items()
     }
     return PriorSet("ice", "test priors", MappingProxyType(priors), "test")
 
@@ -161,26 +134,10 @@ def make_fit(
 ) -> Fit:
     """Make a fit with the groups of `pyburgers.posterior.build.build_posterior`.
 
-    Parameters
-    ----------
-    path : Path
-        Run directory; only its manifest is written.
-    name, kind, segments, changes
-        Of the experiment.
-    chains, draws : int
-        Size.
-    fixed : tuple of str
-        Parameters that are not inferred.
-    divergences : int
-        Draws of the first chain that diverged.
-    apart : float
-        Distance of the first chain from the others, in posterior standard deviations.
-    stuck_chain : bool
-        Whether the last chain never moved.
-    command : str
-        Command in the manifest.
-    seed : int
-        Seed of everything.
+    Of the run directory, only its manifest is written. `name`, `kind`, `segments` and `changes` are
+    those of the experiment, `fixed` parameters that are not inferred. The first draws of the first
+    chain diverged, which lies standard deviations `apart` from the others; a stuck last chain never
+    moved.
     """
     rng = np.random.default_rng(seed)
     experiment = make_experiment(name, kind, segments, rng, **changes)

@@ -29,14 +29,8 @@ def make_olivine_fit(
 ) -> Fit:
     """Make a fit with normal draws about the truth and predicted stresses that hardly vary.
 
-    Parameters
-    ----------
-    path : Path
-        Run directory; only its manifest is written.
-    background : {"removed", "kept"}
-        Treatment of the record, part of the name of the experiment.
-    chains, draws : int
-        Size.
+    Of the run directory, only its manifest is written. The name of the experiment has its
+    background.
     """
     experiment = with_background(load_forced_oscillation(OLIVINE), background)
     assert experiment.true_parameters is not None

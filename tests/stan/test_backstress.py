@@ -21,6 +21,7 @@ from history_twins import (
     residual_covariance,
 )
 from ice_spectrum import PERIODS, ice_spectrum
+from imagined_tests import imagined_history
 from log_density import assert_gradient_along, program_of
 from scipy import stats
 from scipy.optimize import brentq
@@ -70,13 +71,7 @@ def flowing(rate: float, stress: float, exponent: float, **others: float) -> dic
 
 
 def of_one_stage(control: Control, value: float, duration: float) -> HistoryExperiment:
-    return replace(
-        history_twin("creep", 2),
-        stages=(Stage(control, 0.0, duration, TEMPERATURE, value),),
-        time=np.empty(0),
-        reading_stage=np.empty(0, dtype=np.int64),
-        reading=np.empty(0),
-    )
+    return imagined_history(Stage(control, 0.0, duration, TEMPERATURE, value))
 
 
 @pytest.mark.parametrize("name", ["load and unload", "mixed"])

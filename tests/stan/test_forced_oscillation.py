@@ -1,28 +1,20 @@
 """Oscillating tests in Stan: solution, trend, spin-up and files against independent judges."""
 
-import json
-import re
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 import oracle
-import pandas as pd
 import pytest
-from conftest import ICE, FunctionValues, resolved_priors
-from default_chains import sampled
+from conftest import ICE, FunctionValues
 from scipy.integrate import simpson
 from scipy.stats import multivariate_normal, norm
-from stan_data import one_test_data, sheared_reference
 from stan_values import CHARTS
 
-from pyburgers.cli.main import main
 from pyburgers.cmdstan.program import load_program
 from pyburgers.kinds.forced_oscillation.experiment import OscillationExperiment, with_background
 from pyburgers.kinds.forced_oscillation.files import load_forced_oscillation
 from pyburgers.kinds.forced_oscillation.preparation import (
-    Background,
     OscillationRecord,
     OscillationSettings,
     prepare,
@@ -40,7 +32,6 @@ TWIN_FILE = ICE.parent / "olivine" / "olivine_twin.toml"
 TEMPERATURE = 1423.0
 PERIOD = 300.0
 NOISE = 4e6  # Pa, of the twin
-COLUMNS = ["time_s", "strain", "stress_Pa", "kelvin_strain", "grain_size_m", "fabric_factor"]
 
 
 @pytest.fixture(params=["removed", "kept"])
@@ -75,7 +66,7 @@ def linear_parameters() -> dict[str, float]:
     return parameters
 
 
-def sinusoid(background: Background, spin_up_cycles: int) -> OscillationExperiment:
+def sinusoid() -> OscillationExperiment:
     """Return a test at a strain without noise: one sinusoid and a constant background rate."""
     time = np.arange(0.0, 1800.0, 9.0)
     angle = 2 * np.pi * time / PERIOD
@@ -88,46 +79,25 @@ def sinusoid(background: Background, spin_up_cycles: int) -> OscillationExperime
         stress=20e6 + 50e6 * np.sin(angle + 1.0),
         stress_uncertainty=4e6 * spread,
     )
-    settings = OscillationSettings(PERIOD, 1, 0, background)
+    settings = OscillationSettings(PERIOD, 1, 0, "removed")
     prepared = prepare(record, settings, "test")
     return replace(
         load_forced_oscillation(TWIN_FILE),
         record=record,
         settings=settings,
         prepared=prepared,
-        spin_up_cycles=spin_up_cycles,
+        spin_up_cycles=30,
     )
 
 
 def test_settled_linear_stress_is_that_of_the_complex_modulus() -> None:
-    experiment = sinusoid("removed", spin_up_cycles=30)
-    solution = simulate(experiment, linear_parameters())
+    solution = simulate(sinusoid(), linear_parameters())
     omega = 2 * np.pi / PERIOD
     modulus = oracle.burgers_modulus(linear_parameters(), TEMPERATURE, omega)
     # 1e-3 sin + 5e-4 cos is the imaginary part of (1e-3 + 5e-4 i) exp(i w t).
     amplitude = modulus * (1e-3 + 5e-4j)
     expected = np.imag(amplitude * np.exp(1j * omega * solution["time_s"].to_numpy()))
     np.testing.assert_allclose(solution["stress_Pa"], expected, atol=1e-7 * abs(amplitude), rtol=0)
-
-
-@pytest.mark.parametrize("background", ["removed", "kept"])
-def test_linear_limit_is_the_matrix_exponential(background: Background) -> None:
-    """Start-up transient, bias and drift included."""
-    experiment = sinusoid(background, spin_up_cycles=1)
-    solution = simulate(experiment, linear_parameters(), at=np.linspace(0.0, 1500.0, 61))
-    imposed = oracle.OscillatingStrain(
-        PERIOD, [1e-3], [5e-4], [1e-6 if background == "kept" else 0.0], 0.0
-    )
-    expected = oracle.linear_oscillation(
-        linear_parameters(),
-        TEMPERATURE,
-        imposed,
-        start=imposed.zero_ahead(1),
-        start_stress=20e6 if background == "kept" else 0.0,
-        time=solution["time_s"].to_numpy(),
-    )
-    size = np.abs(expected).max()
-    np.testing.assert_allclose(solution["stress_Pa"], expected, atol=1e-6 * size, rtol=0)
 
 
 def test_strains_of_the_elements_add_up(twin: OscillationExperiment) -> None:
@@ -372,57 +342,3 @@ def test_a_left_over_value_is_kept_within_its_bounds(function_values: FunctionVa
         slope = np.gradient(found, value)
         seen = slope[slope > 1e-3 * slope.max()]
         assert np.abs(np.diff(np.log(seen))).max() < 0.06  # in a step of 1e-4: no kink
-
-
-def test_the_same_seed_gives_the_same_draws(twin: OscillationExperiment, tmp_path: Path) -> None:
-    priors = resolved_priors(twin)
-    data = one_test_data(
-        twin,
-        priors,
-        solver=replace(REFERENCE_SOLVER, tolerance=1e-4),
-        reference=sheared_reference([-0.5, 2.0, 1.0], [3.5, 0.7, 0.2]),
-    )
-    draws = [
-        sampled(
-            load_program(likelihood_of(twin).program),
-            data,
-            tmp_path / name,
-            chains=1,
-            seed=7,
-            warmup=10,
-            draws=10,
-            algorithm=("engine=nuts", "max_depth=4"),
-        ).values[0]
-        for name in ("one", "other")
-    ]
-    assert np.ptp(draws[0], axis=0).max() > 0
-    np.testing.assert_array_equal(draws[0], draws[1])
-
-
-def test_simulate_writes_the_promised_columns(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    parameters, out = tmp_path / "parameters.json", tmp_path / "curve.csv"
-    parameters.write_text(json.dumps(truth()), encoding="utf-8")
-    files = ["--parameters", str(parameters), "--out", str(out)]
-    assert main(["simulate", str(TWIN_FILE), *files]) == 0
-    table = pd.read_csv(out)
-    assert list(table) == COLUMNS
-    time = table["time_s"].to_numpy()
-    assert np.all(np.diff(time) > 0)
-    twin = load_forced_oscillation(TWIN_FILE)
-    assert set(twin.prepared.time) <= set(time)
-    np.testing.assert_allclose(table["strain"], twin.prepared.strain(time))
-    assert (table["fabric_factor"] == 1).all()
-    assert "warning" not in capsys.readouterr().err
-
-
-def test_valley_coordinates_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    run = tmp_path / "run"
-    code = main(["fit", str(TWIN_FILE), "--coordinates", "valley", "--out", str(run)])
-    out, error = capsys.readouterr()
-    assert (code, out) == (2, "")
-    sentence = error.splitlines()[-1]
-    assert re.fullmatch(r"pyburgers: [^\n]+\.", sentence)
-    for word in ("olivine_twin", "valley", "forced_oscillation", "sheared"):
-        assert word in sentence

@@ -3,13 +3,13 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from types import MappingProxyType
 
 import numpy as np
 import numpy.typing as npt
 import pytest
 from conftest import FunctionValues
 from history_twins import history_twin
+from imagined_tests import imagined_history
 from linear_bodies import LAWS, linear_body
 from log_density import assert_gradient_is_slope, program_with
 from relaxation_oracle import creep_oracle
@@ -19,7 +19,6 @@ from truth_as_mode import at_truth
 
 from pyburgers.cmdstan.program import load_program
 from pyburgers.cmdstan.toolchain import stan_directory
-from pyburgers.kinds.experiment import Provenance
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.stages import Stage
 from pyburgers.kinds.loading_history.stan_data import ELEMENT_ERROR, elements_block
@@ -54,20 +53,8 @@ def imagined_test(legs: Sequence[Sequence[float]]) -> HistoryExperiment:
             else Stage("strain_rate", start, end, temperature, rate)
         )
         start = end
-    return HistoryExperiment(
-        id="imagined",
-        material="ice",
-        temperature=TEMPERATURE,
-        initial_grain_size=GRAIN_SIZE,
-        provenance=Provenance("synthetic", "no data"),
-        metadata=MappingProxyType({}),
-        notices=(),
-        true_parameters=None,
-        stages=tuple(stages),
-        time=np.empty(0),
-        reading_stage=np.empty(0, dtype=np.int64),
-        reading=np.empty(0),
-    )
+    test = imagined_history(*stages)
+    return replace(test, temperature=TEMPERATURE, initial_grain_size=GRAIN_SIZE)
 
 
 def fixed_at(values: Mapping[str, float]) -> PriorSet:

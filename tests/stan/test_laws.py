@@ -16,6 +16,7 @@ import oscillation_oracle
 import pytest
 from conftest import ICE
 from history_twins import TRUTH, history_twin
+from imagined_tests import STEPS, imagined_curve
 from independent_table import TRUTHS
 from log_density import assert_gradient_along, program_of
 from scipy import stats
@@ -23,7 +24,7 @@ from stan_data import parameters_in
 
 from pyburgers.common.errors import InputError
 from pyburgers.kinds.attenuation.files import load_attenuation
-from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, RateSegment
+from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment
 from pyburgers.kinds.constant_rate.files import load_constant_rate
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.forced_oscillation.experiment import with_background
@@ -50,7 +51,6 @@ pytestmark = pytest.mark.usefixtures("programs")
 OLIVINE = Path(__file__).parents[2] / "data" / "olivine" / "olivine_twin.toml"
 STRAIN = np.concatenate([np.geomspace(1e-4, 0.01, 15), np.linspace(0.015, 0.2, 20)])
 SLOW, FAST = ((0.0, 1e-6),), ((0.0, 1.69e-4),)
-STEPS = ((0.0, 1e-4), (0.03, 2e-5), (0.0501, 3e-4))
 THERMAL = {
     "kelvin_activation_enthalpy": 60e3,
     "kelvin_reference_stress": 2e6,
@@ -170,14 +170,8 @@ def test_every_law_with_a_parameter_of_one_element_or_dashpot_has_a_case() -> No
 
 
 def ice_test(segments: Schedule = STEPS, temperature: float = 260.0) -> ConstantRateExperiment:
-    return replace(
-        load_constant_rate(ICE / "PIL40.toml"),
-        temperature=temperature,
-        segments=tuple(RateSegment(start, rate) for start, rate in segments),
-        strain=np.empty(0),
-        stress=np.empty(0),
-        final_strain=max(0.2, segments[-1][0] + 0.1),
-    )
+    curve = imagined_curve(segments, max(0.2, segments[-1][0] + 0.1))
+    return replace(curve, temperature=temperature)
 
 
 def along(segments: Schedule = STEPS) -> FloatArray:

@@ -12,6 +12,7 @@ import numpy as np
 import oracle
 from conftest import DUNITE, ICE
 from history_twins import history_twin, residual_covariance
+from imagined_tests import STEPS
 from numpy.polynomial import Polynomial
 from scipy import stats
 
@@ -85,15 +86,25 @@ class ConstantRateExample(Example[ConstantRateExperiment]):
     measured = ("dunite_4506", "dunite_4581")
     stepped = ("rate steps",)
     quick = ("PIL72", *stepped)
+    materials = MappingProxyType(
+        {
+            "truth": {},
+            "linear dashpot": {  # of 5e10 Pa s
+                "stress_exponent": 1.0,
+                "grain_size_exponent": 0.0,
+                "steady_state_fabric_factor": 1.0,
+                "activation_enthalpy": 65e3,
+                "beta": 8.358e-5,
+            },
+        }
+    )
     few = ("maxwell_modulus", "activation_enthalpy", "stress_noise")
     options = SamplerOptions(seed=20261120)
 
     def load(self, name: str) -> ConstantRateExperiment:
         if name == "rate steps":
-            segments = ((0.0, 1e-4), (0.03, 2e-5), (0.0501, 3e-4))
-            return replace(
-                self.load("PIL40"), segments=tuple(RateSegment(*segment) for segment in segments)
-            )
+            segments = tuple(RateSegment(*segment) for segment in STEPS)
+            return replace(self.load("PIL40"), segments=segments)
         folder = ICE if name in self.twins else DUNITE
         return load_constant_rate(folder / f"{name}.toml")
 
@@ -147,6 +158,11 @@ class ForcedOscillationExample(Example[OscillationExperiment]):
                 "activation_enthalpy": 490e3,
             },
             "fast dashpot": {"stress_exponent": 2.6, "activation_enthalpy": 380e3},
+            "linear dashpot": {  # of 2e12 Pa s
+                "stress_exponent": 1.0,
+                "grain_size_exponent": 0.0,
+                "beta": 2.387e-5,
+            },
             "fast grains": {
                 "grain_size_exponent": 1.4,
                 "critical_strain_grain_size": 0.01,
@@ -192,7 +208,8 @@ class ForcedOscillationExample(Example[OscillationExperiment]):
             start_stress=start_stress,
             time=at,
         )
-        return dict(zip(("stress_Pa", "kelvin_strain", "grain_size_m"), state, strict=True))
+        found = dict(zip(("stress_Pa", "kelvin_strain", "grain_size_m"), state, strict=True))
+        return {**found, "strain": prepared.strain(at), "fabric_factor": np.ones_like(at)}
 
     def log_likelihood(
         self,

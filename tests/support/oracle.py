@@ -6,7 +6,6 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 from scipy.integrate import solve_ivp
-from scipy.linalg import expm
 
 FloatArray = npt.NDArray[np.float64]
 GAS_CONSTANT = 8.314462618  # J/mol/K
@@ -208,41 +207,6 @@ def six_states(
     return np.concatenate(reported, axis=1)
 
 
-def linear_stress(
-    parameters: Mapping[str, float],
-    temperature: float,
-    segments: Sequence[tuple[float, float]],
-    strain: FloatArray,
-) -> FloatArray:
-    """Stress (Pa) where n = 1, p = 0 and F = 1, by the matrix exponential.
-
-    The state is [stress, Kelvin strain, 1]; its last entry carries the imposed rate.
-    """
-    modulus = parameters["maxwell_modulus"]
-    kelvin_modulus = parameters["kelvin_modulus"]
-    viscosity = parameters["kelvin_viscosity"]
-    fluidity = rate_factor(parameters, temperature)
-    state = np.array([0.0, 0.0, 1.0])
-    starts = [start for start, _ in segments]
-    stress = []
-    for (start, strain_rate), end in zip(segments, [*starts[1:], strain[-1]], strict=True):
-        system = np.array(
-            [
-                [
-                    -modulus * (1 / viscosity + fluidity),
-                    modulus * kelvin_modulus / viscosity,
-                    modulus * strain_rate,
-                ],
-                [1 / viscosity, -kelvin_modulus / viscosity, 0.0],
-                [0.0, 0.0, 0.0],
-            ]
-        )
-        inside = strain[(strain > start) & (strain <= end)]
-        stress += [(expm(system * (e - start) / strain_rate) @ state)[0] for e in inside]
-        state = expm(system * (end - start) / strain_rate) @ state
-    return np.array(stress)
-
-
 def piezometer(stress: float) -> float:
     """Grain size (m) of Eq. 5, the stress floored as sqrt(stress^2 + (1 MPa)^2)."""
     return float(0.015 * (np.hypot(stress, 1e6) / 1e6) ** -1.33)
@@ -333,49 +297,6 @@ def oscillation(
         state = solution.y[:, -1]
     states: FloatArray = solution.y
     return states
-
-
-def linear_oscillation(
-    parameters: Mapping[str, float],
-    temperature: float,
-    imposed: OscillatingStrain,
-    *,
-    start: float,
-    start_stress: float,
-    time: FloatArray,
-) -> FloatArray:
-    """Stress (Pa), shape (n,), where n = 1 and p = 0, by the matrix exponential.
-
-    The state is [stress, Kelvin strain, sin w t, cos w t, 1]; the strain is a fundamental and a
-    background of constant rate.
-    """
-    modulus = parameters["maxwell_modulus"]
-    kelvin_modulus = parameters["kelvin_modulus"]
-    viscosity = parameters["kelvin_viscosity"]
-    omega = 2 * np.pi / imposed.period
-    (sine,), (cosine,), (drift,) = imposed.sine, imposed.cosine, imposed.background
-    system = np.zeros((5, 5))
-    system[0] = modulus * np.array(
-        [
-            -1 / viscosity - rate_factor(parameters, temperature),
-            kelvin_modulus / viscosity,
-            -omega * cosine,
-            omega * sine,
-            drift,
-        ]
-    )
-    system[1, :2] = 1 / viscosity, -kelvin_modulus / viscosity
-    system[2, 3], system[3, 2] = omega, -omega
-    state = np.array(
-        [
-            start_stress,
-            start_stress / kelvin_modulus,
-            np.sin(omega * start),
-            np.cos(omega * start),
-            1.0,
-        ]
-    )
-    return np.array([(expm(system * (t - start)) @ state)[0] for t in time])
 
 
 def burgers_modulus(

@@ -9,12 +9,12 @@ import numpy.typing as npt
 import pytest
 from conftest import ICE, resolved_priors, valley_of
 from jacobians import assert_jacobian_is_that_of_the_map
+from kind_examples import EXAMPLES
 from log_density import Program, assert_gradient_is_slope, program_with
 from oscillation_pair import oscillation_pair
 from scipy import stats
-from stan_data import one_test_data, parameter_in, sheared_reference
+from stan_data import one_test_data, parameter_in, parameters_in, sheared_reference
 
-from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment
 from pyburgers.kinds.constant_rate.files import load_constant_rate
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.forced_oscillation.experiment import OscillationExperiment
@@ -110,16 +110,6 @@ def test_separate_density_is_the_sum_of_single_ones(
     assert density == pytest.approx(total, rel=1e-8)
 
 
-def log_likelihood_of(test: Experiment, stress: FloatArray, noise: float) -> float:
-    if isinstance(test, ConstantRateExperiment):
-        return float(np.sum(stats.norm.logpdf(test.stress, stress, noise)))
-    assert isinstance(test, OscillationExperiment)
-    deviation = noise * test.prepared.relative_uncertainty
-    # As many coefficients of the noise went with the trend.
-    taken = (test.prepared.stress_fit.degree + 1) * stats.norm.logpdf(0.0, scale=noise)
-    return float(np.sum(stats.norm.logpdf(test.stress, stress, deviation)) - taken)
-
-
 def test_pooled_density_is_that_made_by_hand(
     system: str, tests: Sequence[Experiment], tmp_path: Path
 ) -> None:
@@ -133,7 +123,8 @@ def test_pooled_density_is_that_made_by_hand(
         places = range(first, first + test.n_points)
         first += test.n_points
         stress = np.array([columns[f"response_model.{i}"] for i in places])
-        total += log_likelihood_of(test, stress, parameter_in(columns, "stress_noise", e))
+        likelihood = EXAMPLES[test.protocol].log_likelihood
+        total += likelihood(test, parameters_in(columns, e), stress).sum()
         own = [*joint.pooling.of_kind("separate", joint.free), *(joint.shared if e == 1 else ())]
         total += sum(priors[n].distribution().logpdf(parameter_in(columns, n, e)) for n in own)
         for h, name in enumerate(joint.partial, start=1):

@@ -8,7 +8,6 @@ from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
-import oracle
 import pytest
 from charts_at_modes import chart_at_mode
 from conftest import ICE, fixed, resolved_priors, with_fixed, with_priors
@@ -16,12 +15,13 @@ from jacobians import assert_jacobian_is_that_of_the_map
 from kind_examples import short_twin
 from log_density import Program, program_with
 from prior_marginals import assert_prior_marginals
-from stan_data import one_test_data, parameter_in, parameters_in, sheared_reference
+from stan_data import one_test_data, parameter_in, sheared_reference
+from truth_as_mode import at_truth
 
 from pyburgers.cmdstan.program import Density, load_program
 from pyburgers.cmdstan.program import Program as CompiledProgram
 from pyburgers.common.errors import InputError
-from pyburgers.fitting.charts_at_modes import ChosenChart, ProblemMode, at_mode, choose_chart
+from pyburgers.fitting.charts_at_modes import ChosenChart, ProblemMode
 from pyburgers.kinds.forced_oscillation.experiment import (
     OscillationExperiment,
     with_background,
@@ -37,17 +37,15 @@ from pyburgers.kinds.forced_oscillation.likelihood import (
 )
 from pyburgers.kinds.forced_oscillation.preparation import Background, prepare
 from pyburgers.kinds.likelihood import AtMode, likelihood_of
-from pyburgers.kinds.problem import one_test, plain_coordinates, problem_of
+from pyburgers.kinds.problem import one_test, problem_of
 from pyburgers.kinds.program_data import chart_block
 from pyburgers.kinds.stan_data import (
     PLAIN,
     REFERENCE_FLOW_RATE,
-    Mode,
     SolverOptions,
     StanData,
     solver_block,
 )
-from pyburgers.model.parameters import PARAMETERS
 from pyburgers.model.prior_families import Prior
 from pyburgers.model.priors import PriorSet, load_priors
 from pyburgers.sbc.data_sets import calibration_priors, simulate_from_prior
@@ -58,7 +56,7 @@ pytestmark = pytest.mark.usefixtures("programs")
 KEPT_TEMPLATE = ICE.parent / "calibration" / "olivine_kept.toml"
 TWIN_FILE = ICE.parent / "olivine" / "olivine_twin.toml"
 TIGHT = SolverOptions(tolerance=1e-11, max_num_steps=1_000_000)
-SAMPLING = SolverOptions()
+SAMPLING, LOOSE = SolverOptions(), SolverOptions(tolerance=1e-6)
 # Whatever the slopes and their origin, the posterior is the same.
 REFERENCE = sheared_reference([-0.7, 2.5, 0.8], [2.7, 0.6, 0.3])
 FREE = (
@@ -85,25 +83,6 @@ def short(request: pytest.FixtureRequest) -> OscillationExperiment:
     return short_twin(request.param).to_be_solved()
 
 
-def truth_in(experiment: OscillationExperiment, priors: PriorSet) -> Mode:
-    """The true parameters in place of a mode that was searched for."""
-    assert experiment.true_parameters is not None
-    values = {
-        p.name: priors[p.name].location
-        if priors[p.name].is_fixed
-        else experiment.true_parameters[p.name]
-        for p in PARAMETERS
-    }
-    scale = one_test_data(experiment, priors, solver=TIGHT)["stress_scale"][0]
-    grain_size = np.array(experiment.initial_grain_size)
-    rate = oracle.dashpot_rate(
-        values, experiment.temperature, np.array(scale), grain_size, np.ones(())
-    )
-    coordinates = plain_coordinates(experiment, priors)
-    at = coordinates.at({**values, REFERENCE_FLOW_RATE: float(rate)})
-    return Mode(values, at, np.empty(0))
-
-
 def relaxing() -> OscillationExperiment:
     """Return a record whose bias falls from 98 MPa within cycles."""
     template = load_forced_oscillation(KEPT_TEMPLATE)
@@ -120,9 +99,7 @@ def set_up(
 ) -> tuple[AtMode[OscillationExperiment], ShearedReference]:
     """A record at its truth, and the sheared coordinates there, which take a second."""
     experiment = relaxing() if record == "relaxing" else twin_with(record)
-    priors = resolved_priors(experiment)
-    mode = truth_in(experiment, priors)
-    test = at_mode(problem_of([experiment], priors), mode, SolverOptions(tolerance=1e-6))
+    test = at_truth(experiment, resolved_priors(experiment), LOOSE)
     return test, ShearedChart().reference(test)[0]
 
 
@@ -170,7 +147,7 @@ def sheared_truth(
     data = one_test_data(experiment, priors, solver=TIGHT)
     block = chart_block(one_test(experiment, priors), [reference])
     data |= {**block, "coordinate_system": PLAIN}
-    position = {"coordinate": truth_in(experiment, priors).coordinate.tolist()}
+    position = {"coordinate": at_truth(experiment, priors, LOOSE).mode.coordinate.tolist()}
     return model_of(experiment).evaluate(data, position)["sheared_coordinate"]
 
 
@@ -200,35 +177,14 @@ def test_plain_and_sheared_densities_differ_by_the_jacobian(
         )
 
 
-def plain_log_jacobian(experiment: OscillationExperiment, values: Mapping[str, float]) -> float:
-    """ln |d parameters/d plain coordinates| where all that is free is as in olivine.toml.
-
-    Two bounds: width f (1 - f); a lower bound: value less bound; the flow rate in place of Q_M.
-    """
-    coordinates = plain_coordinates(experiment, resolved_priors(experiment))
-    total = 0.0
-    for k, name in enumerate(coordinates.quantities):
-        low, high = coordinates.lower[k], coordinates.upper[k]
-        if np.isinf(low):
-            total += np.log(coordinates.scale[k])
-        elif np.isinf(high):
-            total += np.log(values[name] - low)
-        else:
-            total += np.log((values[name] - low) * (high - values[name]) / (high - low))
-    inverse_rt = 1 / (oracle.GAS_CONSTANT * experiment.temperature)
-    return float(total - np.log(inverse_rt - values["beta"]))
-
-
 def test_log_jacobian_is_that_of_the_map(short: OscillationExperiment, tmp_path: Path) -> None:
-    """Closed form of the plain map, numerical determinant of the shears."""
     priors = resolved_priors(short)
     program = program_in(short, priors, REFERENCE, tmp_path)
     for point in scattered(sheared_truth(short, priors), seed=7, number=2):
         assert_jacobian_is_that_of_the_map(
             program,
             point,
-            lambda columns: vector(columns, "plain_coordinate", len(FREE)),
-            beside=lambda columns: plain_log_jacobian(short, parameters_in(columns)),
+            lambda columns: np.array([parameter_in(columns, name) for name in FREE]),
         )
 
 
@@ -236,10 +192,8 @@ def assert_coordinates_work(
     experiment: OscillationExperiment, priors: PriorSet, folder: Path
 ) -> ShearedReference:
     """The set-up from the curvature works, and what it sets up has the right density."""
-    mode = truth_in(experiment, priors)
-    reference, centre = ShearedChart().reference(
-        at_mode(problem_of([experiment], priors), mode, SolverOptions(tolerance=1e-6))
-    )
+    test = at_truth(experiment, priors, LOOSE)
+    mode, (reference, centre) = test.mode, ShearedChart().reference(test)
     assert np.all(np.isfinite(reference.flow_slope))
     plain, sheared = (
         program_in(experiment, priors, system, folder) for system in (None, reference)
@@ -304,20 +258,10 @@ def chart_at_truth(
     wanted: str,
 ) -> ChosenChart:
     """Choose coordinates, with the truth in place of a search for the mode."""
-    truth = truth_in(experiment, priors)
-    found = ProblemMode((truth,), truth.coordinate)
-    solver = SolverOptions(tolerance=1e-6)
-    return choose_chart(
-        problem_of([experiment], priors),
-        Density(model_of(experiment), one_test_data(experiment, priors, solver=solver)),
-        wanted=wanted,
-        seed=1,
-        mode=found,
-    )
-
-
-def chart_from(data: StanData, experiment: OscillationExperiment, priors: PriorSet) -> ChosenChart:
-    return chart_at_mode(problem_of([experiment], priors), data)
+    truth = at_truth(experiment, priors, LOOSE).mode
+    data = one_test_data(experiment, priors, solver=LOOSE)
+    mode = ProblemMode((truth,), truth.coordinate)
+    return chart_at_mode(problem_of([experiment], priors), data, wanted=wanted, mode=mode)
 
 
 @pytest.mark.parametrize("case", UNSUITED)
@@ -398,9 +342,7 @@ def test_the_stretch_is_found_from_a_dashpot_that_stands_still() -> None:
     assert truth is not None
     still = {**truth, "activation_enthalpy": 1.3 * truth["activation_enthalpy"]}
     experiment = replace(experiment, true_parameters=still)
-    priors = resolved_priors(experiment)
-    mode = truth_in(experiment, priors)
-    test = at_mode(problem_of([experiment], priors), mode, SolverOptions(tolerance=1e-6))
+    test = at_truth(experiment, resolved_priors(experiment), LOOSE)
     reference, centre = ShearedChart().reference(test)
     flow = test.coordinates.quantities.index(REFERENCE_FLOW_RATE)
     assert centre[flow] < -20  # the logarithm of a share of a tenth of the loss
@@ -425,7 +367,7 @@ def test_a_record_whose_loss_is_all_the_dashpots_is_smooth_in_its_coordinates(
     relaxation = truth["kelvin_viscosity"] / truth["kelvin_modulus"]
     assert relaxation < 0.01 * experiment.prepared.period
     data = one_test_data(experiment, priors, solver=SAMPLING)
-    found = chart_from(data, experiment, priors)
+    found = chart_at_mode(problem_of([experiment], priors), data)
     assert found.centre is not None
     assert found.covariance is not None
     widths: FloatArray = np.asarray(np.linalg.cholesky(found.covariance), dtype=np.float64)
@@ -463,7 +405,7 @@ def test_without_likelihood_coordinates_stay_plain() -> None:
     experiment = short_twin("kept").to_be_solved()
     priors = resolved_priors(experiment)
     data = one_test_data(experiment, priors, solver=SAMPLING, use_likelihood=False)
-    found = chart_from(data, experiment, priors)
+    found = chart_at_mode(problem_of([experiment], priors), data)
     assert (found.name, found.block, found.centre) == ("plain", {}, None)
 
 

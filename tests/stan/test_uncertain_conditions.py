@@ -13,8 +13,8 @@ from kind_examples import short_twin
 from log_density import Program, assert_gradient_is_slope, program_with
 from scipy import stats
 from stan_data import parameters_in
+from truth_as_mode import problem_at_truth
 
-from pyburgers.fitting.charts_at_modes import at_mode
 from pyburgers.kinds.experiment import Experiment, UncertainCondition
 from pyburgers.kinds.forced_oscillation.experiment import OscillationExperiment
 from pyburgers.kinds.forced_oscillation.files import load_forced_oscillation
@@ -22,8 +22,7 @@ from pyburgers.kinds.forward import simulate
 from pyburgers.kinds.kind import load_experiment
 from pyburgers.kinds.problem import Problem, problem_of
 from pyburgers.kinds.program_data import chart_block, program_data
-from pyburgers.kinds.stan_data import Mode, SolverOptions
-from pyburgers.model.parameters import PROGRAM_PARAMETERS
+from pyburgers.kinds.stan_data import SolverOptions
 from pyburgers.model.pooling import pooling_of
 from pyburgers.model.priors import default_priors
 from pyburgers.model.variants import with_variant
@@ -55,13 +54,8 @@ def uncertain(source: Path) -> Experiment:
 
 
 def truth_of(experiment: Experiment) -> dict[str, float]:
-    """Every parameter."""
     assert experiment.true_parameters is not None
-    priors = default_priors(experiment.material)
-    return {
-        p.name: experiment.true_parameters.get(p.name, priors[p.name].location)
-        for p in PROGRAM_PARAMETERS
-    }
+    return dict(experiment.true_parameters)
 
 
 @pytest.mark.parametrize("source", SOURCES)
@@ -134,23 +128,13 @@ def program_in(
     """The program in plain coordinates or in its chart, and the coordinates of the truths."""
     data = program_data(problem, solver=solver)
     references: list[object] = []
-    centre = np.zeros(problem.layout.size)
-    alone = zip(problem.alone(), problem.layout.position, strict=True)
-    for one, places in reversed(list(alone)):
-        (experiment,), (coordinates,) = one.experiments, one.coordinates
-        values = truth_of(experiment)
-        name = problem.likelihood.reference.name
-        point = simulate(experiment, values, at=experiment.position).attrs[name]
-        mode = Mode(
-            values, coordinates.at({**values, name: point}), np.zeros(experiment.n_driving_errors)
-        )
-        centre[places] = mode.coordinate
-        if system != "plain":
-            test = at_mode(one, mode, SolverOptions())  # whatever the chart, the posterior is one
-            assert problem.likelihood.chart is not None
-            reference, centre[places] = problem.likelihood.chart.reference(test)
-            covariance = 0.04 * np.eye(len(places))
-            references.insert(0, problem.likelihood.chart.rescaled(reference, test, covariance))
+    centre, chart = np.zeros(problem.layout.size), problem.likelihood.chart
+    for one, places in zip(problem.alone(), problem.layout.position, strict=True):
+        test = problem_at_truth(one, SolverOptions())
+        centre[places] = test.mode.coordinate
+        if system != "plain":  # whatever the chart, the posterior is one
+            reference, centre[places] = chart.reference(test)
+            references.append(chart.rescaled(reference, test, 0.04 * np.eye(len(places))))
     data |= chart_block(problem, references)
     return program_with(problem.likelihood.program, data, folder), centre
 

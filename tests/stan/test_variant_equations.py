@@ -7,6 +7,7 @@ import numpy.typing as npt
 import oracle
 import pytest
 from conftest import FunctionValues
+from history_twins import residual_covariance
 from imposed_stress import simulate_imposed_stress
 from independent_table import TRUTHS
 from scipy import stats
@@ -102,11 +103,12 @@ def test_kelvin_viscosity_is_converted_to_the_factor_of_masuti_and_barbot(
 def covariance(
     strain: FloatArray, correlation_strain: float, segment: Sequence[int], share: float
 ) -> FloatArray:
-    distance = np.abs(strain[:, None] - strain)
-    together = np.equal.outer(segment, segment)
-    correlated = share * np.exp(-distance / correlation_strain) * together
-    matrix: FloatArray = 3e4**2 * (correlated + (1 - share) * np.eye(strain.size))
-    return matrix
+    values = {
+        "stress_noise": 3e4,
+        "residual_correlation_time": correlation_strain,
+        "residual_correlated_share": share,
+    }
+    return residual_covariance(values, strain, np.array(segment), np.zeros(strain.size, bool))
 
 
 ONE_SEGMENT = [1] * 12
@@ -158,11 +160,7 @@ def test_replicated_residuals_have_the_covariance(
         share=0.7,
         replications=n,
     )
-    expected = (
-        covariance(strain, correlation_strain, segment, 0.7)
-        if correlation_strain
-        else np.eye(4) * 9e8
-    )
+    expected = covariance(strain, correlation_strain, segment, 0.7)
     np.testing.assert_allclose(
         np.cov(found["replicated"].T), expected, atol=5 * 9e8 / np.sqrt(n / 2)
     )

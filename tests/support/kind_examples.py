@@ -10,10 +10,10 @@ import attenuation_oracle
 import history_oracle
 import numpy as np
 import oracle
+import oscillation_oracle
 from conftest import DUNITE, ICE
 from history_twins import history_twin, residual_covariance
 from imagined_tests import STEPS
-from numpy.polynomial import Polynomial
 from scipy import stats
 
 from pyburgers.common.array_types import FloatArray
@@ -24,7 +24,6 @@ from pyburgers.kinds.constant_rate.files import load_constant_rate
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.forced_oscillation.experiment import OscillationExperiment, with_background
 from pyburgers.kinds.forced_oscillation.files import load_forced_oscillation
-from pyburgers.kinds.forced_oscillation.likelihood import START_MARGIN
 from pyburgers.kinds.forced_oscillation.preparation import Background, prepare
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.stan_data import leg_of_times
@@ -182,34 +181,13 @@ class ForcedOscillationExample(Example[OscillationExperiment]):
     def solution(
         self, experiment: OscillationExperiment, values: Mapping[str, float], at: FloatArray
     ) -> dict[str, FloatArray]:
-        """Background and series are those of the prepared record."""
-        prepared = experiment.prepared
-        start = prepared.start - START_MARGIN * prepared.period
-        background, start_stress = [0.0], 0.0
-        if prepared.background == "kept":
-            since = np.linspace(0.0, 1000.0, 20)
-            rate = prepared.strain_fit.trend_rate(start + since)
-            degree = max(prepared.strain_fit.degree - 1, 0)
-            background = Polynomial.fit(since, rate, degree).convert().coef.tolist()
-            start_stress = float(prepared.stress_fit.trend(np.array([prepared.start]))[0])
-        imposed = oracle.OscillatingStrain(
-            prepared.period,
-            prepared.strain_fit.sine.tolist(),
-            prepared.strain_fit.cosine.tolist(),
-            background,
-            start,
-        )
-        state = oracle.oscillation(
-            values,
-            experiment.temperature,
-            experiment.initial_grain_size,
-            imposed,
-            start=imposed.zero_ahead(experiment.spin_up_cycles),
-            start_stress=start_stress,
-            time=at,
-        )
+        state = oscillation_oracle.solution(experiment, values, at)
         found = dict(zip(("stress_Pa", "kelvin_strain", "grain_size_m"), state, strict=True))
-        return {**found, "strain": prepared.strain(at), "fabric_factor": np.ones_like(at)}
+        return {
+            **found,
+            "strain": experiment.prepared.strain(at),
+            "fabric_factor": np.ones_like(at),
+        }
 
     def log_likelihood(
         self,

@@ -13,6 +13,7 @@ import pytest
 import xarray as xr
 from conftest import ICE, SMALL_RUN, Problem, with_fixed
 from history_twins import BACKSTRESS, DISLOCATIONS, SECOND, THIRD, TRUTH, history_twin
+from history_twins import PIEZOMETER as FOLLOWED
 from scipy import stats
 from stan_data import one_test_data
 
@@ -59,12 +60,7 @@ FloatArray = npt.NDArray[np.float64]
 
 OLIVINE = Path(__file__).parents[2] / "data" / "olivine" / "olivine_twin.toml"
 
-PIEZOMETER_OF_ICE = {
-    "piezometer_reference_grain_size": 2e-3,
-    "piezometer_exponent": 1.33,
-    "piezometer_stress_floor": 1e6,
-}
-"""Made up."""
+PIEZOMETER_OF_ICE = {name: FOLLOWED[name] for name in PIEZOMETER}
 
 EVERY_CHOICE = {
     "kelvin": "power_law",

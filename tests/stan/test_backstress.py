@@ -4,7 +4,6 @@ from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
-import history_oracle
 import numpy as np
 import numpy.typing as npt
 import oracle
@@ -18,22 +17,18 @@ from history_twins import (
     TEMPERATURE,
     TRUTH,
     history_twin,
-    residual_covariance,
 )
 from ice_spectrum import PERIODS, ice_spectrum
 from imagined_tests import imagined_history
-from log_density import assert_gradient_along, program_of
-from scipy import stats
 from scipy.optimize import brentq
-from stan_data import parameters_in
 
-from pyburgers import Regime, attenuation_spectrum, load_experiment
+from pyburgers import load_experiment
 from pyburgers.common.errors import InputError
 from pyburgers.kinds.attenuation.files import load_attenuation
 from pyburgers.kinds.forward import simulate
 from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
-from pyburgers.kinds.loading_history.stages import Control, Stage, legs_of
+from pyburgers.kinds.loading_history.stages import Control, Stage
 from pyburgers.kinds.problem import problem_of
 from pyburgers.kinds.program_data import given_parameters
 from pyburgers.kinds.stan_data import SolverOptions
@@ -123,43 +118,6 @@ def test_a_steady_stress_balances_storage_and_recovery(recovery: float, exponent
 
 
 OF_DISLOCATIONS = {"hardening": "dislocations"}
-
-
-@pytest.mark.parametrize(
-    "choices", [CHOICE, {**OF_DISLOCATIONS, "maxwell": "hyperbolic_sine"}], ids=str
-)
-def test_the_log_likelihood_is_that_of_the_independent_solution(
-    choices: Mapping[str, str], tmp_path: Path
-) -> None:
-    test = history_twin("mixed", 16)
-    problem = problem_of([test], with_variant(default_priors("ice"), test, choices))
-    program, at = program_of(problem, tmp_path, seed=4, width=0.2)
-    columns = program.values_at(at)
-    values = parameters_in(columns)
-    assert min(values[name] for name in HARDENING_LAWS[choices["hardening"]].parameters) > 0
-    legs = legs_of(test.stages)
-    times = [test.time[test.reading_stage == stage] for stage in range(len(legs))]
-    solution = history_oracle.history(values, GRAIN_SIZE, legs, times)
-    is_strain = test.response_is_strain
-    model = np.where(is_strain, solution[history_oracle.STRAIN], solution[history_oracle.STRESS])
-    covariance = residual_covariance(values, test.time, test.reading_stage, is_strain)
-    noise = np.sqrt(np.diag(covariance))  # Pa, or of strain
-    residual = (test.response - model) / noise
-    standard = stats.multivariate_normal(cov=covariance / np.outer(noise, noise))
-    expected = standard.logpdf(residual) - np.log(noise).sum()
-    found = sum(columns[f"log_lik.{i + 1}"] for i in range(test.n_points))
-    assert found == pytest.approx(expected, abs=1e-3)
-
-
-@pytest.mark.parametrize("law", [CHOICE, OF_DISLOCATIONS], ids=str)
-@pytest.mark.parametrize("others", [{}, {"maxwell": "linear"}, {"kelvin": "power_law"}])
-def test_gradients_are_slopes_of_the_density(
-    others: Mapping[str, str], law: Mapping[str, str], tmp_path: Path
-) -> None:
-    test = history_twin("mixed", 16)
-    priors = with_variant(default_priors("ice"), test, {**others, **law})
-    problem = problem_of([test], priors)
-    assert_gradient_along(problem, HARDENING_LAWS[law["hardening"]].parameters, tmp_path)
 
 
 def test_weak_priors_follow_the_test() -> None:
@@ -258,13 +216,6 @@ def test_tables_take_the_linear_form_about_zero_stress_alone(tmp_path: Path) -> 
         simulate(table, {**flowing(1e-5, 1e6, 1.0), **BACKSTRESS})
     with pytest.raises(InputError, match="takes cycles about zero stress"):
         problem_of([twin], linear)
-
-
-def test_stress_cycles_refuse_it() -> None:
-    values = {**TRUTH, **BACKSTRESS}
-    regime = Regime(2e6, 1e6)
-    with pytest.raises(InputError, match="hardening_modulus: found values other than 0"):
-        attenuation_spectrum(values, [1e-3], [regime], temperature=263.0, grain_size=2e-4)
 
 
 @pytest.mark.parametrize(

@@ -281,10 +281,6 @@ def test_stress_cycles_add_what_each_mechanism_loses(exponent: float) -> None:
             )
         )
         np.testing.assert_allclose(found, expected, rtol=1e-9)
-    with pytest.raises(InputError, match="second_in_series: found values other than 0"):
-        attenuation_spectrum(
-            {**values, **IN_SERIES}, [1e-3], [regime], temperature=263.0, grain_size=2e-4
-        )
 
 
 @of_every_network

@@ -9,6 +9,7 @@ import numpy.typing as npt
 import oracle
 import pytest
 from conftest import ICE, FunctionValues
+from history_twins import PIEZOMETER
 from imagined_tests import ONE_RATE, STEPS, imagined_curve
 from independent_table import PEAKS, STRAIN_RATES, STRESS_OF_FAST, TRUTHS
 from stan_values import PHYSICS
@@ -85,14 +86,10 @@ def random_schedule(rng: np.random.Generator) -> list[tuple[float, float]]:
     return list(zip([0.0, *steps], 10 ** rng.uniform(-8, -3, n_segments), strict=True))
 
 
-LAWS: Mapping[str, dict[str, float]] = {
+LAWS: Mapping[str, Mapping[str, float]] = {
     "standard": {},
     "power-law Kelvin": {"kelvin_stress_exponent": 3.0, "kelvin_reference_stress": 1e6},
-    "piezometric": {
-        "piezometer_reference_grain_size": 1e-3,
-        "piezometer_exponent": 1.0,
-        "piezometer_stress_floor": 1e5,
-    },
+    "piezometric": PIEZOMETER,
     "hyperbolic sine": {"breakdown_stress": 2e7},
 }
 EVERY_HALF_PERCENT = np.linspace(0.005, 0.2, 40)
@@ -109,7 +106,7 @@ def test_the_reference_solver_passes_any_steps_of_the_rate(law: str) -> None:
         [(0.0, 8.05e-4), (0.09639783, 6.11e-4), (0.15802729, 5.54e-8), (0.1701884, 7.3e-4)],
     ]
     for schedule in schedules:
-        test, values = imagined_curve(schedule, 0.2), truth("PIL40") | LAWS[law]
+        test, values = imagined_curve(schedule, 0.2), {**truth("PIL40"), **LAWS[law]}
         exact = simulate(test, values, at=EVERY_HALF_PERCENT)
         loose = simulate(
             test, values, at=EVERY_HALF_PERCENT, solver=replace(REFERENCE_SOLVER, tolerance=1e-7)

@@ -15,11 +15,11 @@ import oracle
 import oscillation_oracle
 import pytest
 from conftest import ICE
-from history_twins import TRUTH, history_twin
+from history_twins import BACKSTRESS, PIEZOMETER, SECOND, TRUTH, history_twin
 from imagined_tests import STEPS, imagined_curve
 from independent_table import TRUTHS
+from kind_examples import EXAMPLES
 from log_density import assert_gradient_along, program_of
-from scipy import stats
 from stan_data import parameters_in
 
 from pyburgers.common.errors import InputError
@@ -30,11 +30,12 @@ from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.forced_oscillation.experiment import with_background
 from pyburgers.kinds.forced_oscillation.files import load_forced_oscillation
 from pyburgers.kinds.forward import simulate
+from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.problem import problem_of
-from pyburgers.kinds.stan_data import SolverOptions
 from pyburgers.model.laws import (
     DASHPOT_LAWS,
     DASHPOT_STRESSES,
+    HARDENING_LAWS,
     KELVIN_LAWS,
     NONLINEAR_KELVIN_PARAMETERS,
 )
@@ -55,12 +56,6 @@ THERMAL = {
     "kelvin_activation_enthalpy": 60e3,
     "kelvin_reference_stress": 2e6,
     "kelvin_reference_temperature": 260.0,
-}
-PIEZOMETER = {
-    "piezometer_reference_grain_size": 2e-3,
-    "piezometer_exponent": 1.33,
-    "piezometer_stress_floor": 1e6,
-    "steady_state_grain_size": 230e-6,  # that of the start: the piezometer is in use
 }
 MATERIALS: Mapping[str, Mapping[str, float]] = {
     "linear Kelvin element": {},
@@ -245,26 +240,6 @@ def test_an_oscillating_test_agrees_with_scipy(option: str) -> None:
     assert np.abs(plain - independent).max() > 0.02 * scale
 
 
-@pytest.mark.parametrize("option", CASES)
-def test_the_log_likelihood_is_that_of_the_independent_solution(
-    option: str, tmp_path: Path
-) -> None:
-    test = load_constant_rate(ICE / "PIL40.toml")
-    part, law = option.split("=")
-    problem = problem_of([test], with_variant(default_priors("ice"), test, {part: law}))
-    program, at = program_of(problem, tmp_path, solver=SolverOptions(1e-10), seed=4, width=0.2)
-    columns = program.values_at(at)
-    values = parameters_in(columns)
-    assert values[CASES[option].parameter] != STANDARD_VALUES[CASES[option].parameter]
-    segments = tuple((s.start_strain, s.strain_rate) for s in test.segments)
-    stress = oracle.six_states(
-        values, test.temperature, test.initial_grain_size, segments, test.strain
-    )[0]
-    expected = stats.norm.logpdf(test.stress, stress, values["stress_noise"])
-    found = [columns[f"log_lik.{i + 1}"] for i in range(test.n_points)]
-    np.testing.assert_allclose(found, expected, rtol=1e-5, atol=1e-5)
-
-
 def the_tests() -> dict[str, Experiment]:
     return {
         "constant rate": load_constant_rate(ICE / "PIL40.toml"),
@@ -273,21 +248,64 @@ def the_tests() -> dict[str, Experiment]:
     }
 
 
-@pytest.mark.parametrize("dashpot", ["power law", "linear"])
 @pytest.mark.parametrize(
-    ("kind", "option"), [*product(["constant rate", "loading history", "oscillation"], CASES)]
+    ("kind", "choices"),
+    [
+        *(("constant rate", dict([option.split("=")])) for option in CASES),
+        ("loading history", {"hardening": "backstress"}),
+        ("loading history", {"hardening": "dislocations", "maxwell": "hyperbolic_sine"}),
+    ],
+    ids=str,
+)
+def test_the_log_likelihood_is_that_of_the_independent_solution(
+    kind: str, choices: Mapping[str, str], tmp_path: Path
+) -> None:
+    test = the_tests()[kind]
+    priors = default_priors("ice")
+    problem = problem_of([test], with_variant(priors, test, choices))
+    program, at = program_of(problem, tmp_path, seed=4, width=0.2)
+    columns = program.values_at(at)
+    values = parameters_in(columns)
+    for name in set(problem.free) - set(priors.free):
+        assert values[name] != STANDARD_VALUES.get(name)
+    example = EXAMPLES[test.protocol]
+    solution = example.solution(test, values, test.position)
+    response = solution["stress_Pa"]
+    if isinstance(test, HistoryExperiment):
+        response = np.where(test.response_is_strain, solution["strain"], response)
+    expected = example.log_likelihood(test, values, response)
+    found = [columns[f"log_lik.{i + 1}"] for i in range(test.n_points)]
+    np.testing.assert_allclose(found, expected, rtol=1e-5, atol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("kind", "others", "choices", "names"),
+    [
+        *(
+            (kind, others, dict([option.split("=")]), (case.parameter, "kelvin_viscosity"))
+            for kind in ("constant rate", "loading history", "oscillation")
+            for option, case in CASES.items()
+            for others in ({}, {"maxwell": "linear"})
+        ),
+        *(
+            ("loading history", others, {"hardening": law}, HARDENING_LAWS[law].parameters)
+            for law in ("backstress", "dislocations")
+            for others in ({}, {"maxwell": "linear"}, {"kelvin": "power_law"})
+        ),
+    ],
+    ids=str,
 )
 def test_gradients_are_slopes_of_the_density(
-    kind: str, option: str, dashpot: str, tmp_path: Path
+    kind: str,
+    others: Mapping[str, str],
+    choices: Mapping[str, str],
+    names: Sequence[str],
+    tmp_path: Path,
 ) -> None:
     """Every test passes a threshold; with n = 1 the slope of the rate jumps there."""
     test = the_tests()[kind]
-    priors = default_priors(test.material, test.protocol)
-    if dashpot == "linear":
-        priors = with_variant(priors, test, {"maxwell": "linear"})
-    part, law = option.split("=")
-    problem = problem_of([test], with_variant(priors, test, {part: law}))
-    assert_gradient_along(problem, [CASES[option].parameter, "kelvin_viscosity"], tmp_path)
+    priors = with_variant(default_priors(test.material, test.protocol), test, others)
+    assert_gradient_along(problem_of([test], with_variant(priors, test, choices)), names, tmp_path)
 
 
 @pytest.mark.parametrize("option", DASHPOTS)
@@ -312,7 +330,7 @@ def test_two_laws_of_the_dashpot_are_refused() -> None:
 
 
 @pytest.mark.parametrize("option", ["kelvin=power_law", "maxwell=threshold_stress"])
-def test_tables_and_closed_forms_refuse_laws_without_a_closed_form(option: str) -> None:
+def test_tables_refuse_laws_without_a_closed_form(option: str) -> None:
     table, case = load_attenuation(ICE / "attenuation_twin.toml"), CASES[option]
     part, law = option.split("=")
     with pytest.raises(InputError, match=f"{option} is not for tests of"):
@@ -322,15 +340,24 @@ def test_tables_and_closed_forms_refuse_laws_without_a_closed_form(option: str) 
             table,
             {**(table.true_parameters or {}), **case.conditions, case.parameter: case.values[0]},
         )
-    standard = f"{STANDARD_VALUES[case.parameter]:g}"
-    with pytest.raises(InputError, match=f"{case.parameter}: found values other than {standard}"):
-        attenuation_spectrum(
-            case.at(case.values[0]),
-            [1e-3],
-            [Regime(2e6, 1e6)],
-            temperature=263.0,
-            grain_size=2e-4,
-        )
+
+
+@pytest.mark.parametrize(
+    ("name", "values"),
+    [
+        *(
+            (CASES[option].parameter, CASES[option].at(CASES[option].values[0]))
+            for option in ("kelvin=power_law", "maxwell=threshold_stress")
+        ),
+        ("hardening_modulus", {**TRUTH, **BACKSTRESS}),
+        ("second_in_series", {**TRUTH, **SECOND, "second_in_series": 1.0}),
+    ],
+)
+def test_closed_forms_refuse_laws_without_one(name: str, values: Mapping[str, float]) -> None:
+    regime = Regime(2e6, 1e6)
+    words = f"{name}: found values other than {STANDARD_VALUES[name]:g}"
+    with pytest.raises(InputError, match=words):
+        attenuation_spectrum(values, [1e-3], [regime], temperature=263.0, grain_size=2e-4)
 
 
 def flowing(rates: Schedule, **law: float) -> tuple[ConstantRateExperiment, dict[str, float]]:

@@ -6,12 +6,20 @@ from pathlib import Path
 from typing import Any
 
 import history_oracle
+import history_twins
 import numpy as np
 import numpy.typing as npt
 import oracle
 import pytest
 from history_oracle import BACKSTRESS as BACKSTRESS_ROW
 from history_oracle import DASHPOT, KELVIN, PATH, STRAIN, STRESS
+from history_twins import (
+    BACKSTRESS,
+    DISLOCATIONS,
+    GRAIN_SIZE,
+    PIEZOMETER,
+    POWER_LAW_KELVIN,
+)
 
 from pyburgers.cmdstan.program import load_program
 from pyburgers.kinds.loading_history.stages import Leg
@@ -20,7 +28,6 @@ from pyburgers.model.parameters import PROGRAM_PARAMETERS, STANDARD_VALUES
 FloatArray = npt.NDArray[np.float64]
 
 VALUES = Path(__file__).parent / "loading_history_values.stan"
-GRAIN_SIZE = 230e-6
 TEMPERATURE = 263.0
 ICE = {
     **STANDARD_VALUES,
@@ -37,6 +44,8 @@ ICE = {
     "critical_strain_fabric": 0.1,
     "stress_noise": 1.0,
 }
+SECOND = {**history_twins.SECOND, "second_rate": 2e-6}
+THIRD = {**history_twins.THIRD, "second_rate": 2e-6, "third_rate": 1e-6}
 LINEAR = {
     "stress_exponent": 1.0,
     "grain_size_exponent": 0.0,
@@ -44,44 +53,6 @@ LINEAR = {
     "activation_enthalpy": 62e3,
     "steady_state_grain_size": GRAIN_SIZE,
     "steady_state_fabric_factor": 1.0,
-}
-
-BACKSTRESS = {
-    "hardening_modulus": 4e8,
-    "backstress_limit": 4e6,
-    "recovery_rate": 2e-3,
-    "recovery_exponent": 2.5,
-    "recovery_activation_enthalpy": 60e3,
-    "kelvin_reference_temperature": 260.0,
-}
-
-DISLOCATIONS = {
-    **BACKSTRESS,
-    "backstress_limit": 2e7,
-    "recovery_exponent": 5.0,
-    "initial_backstress": 5e5,
-    "source_stress": 1e5,
-    "boundary_recovery": 2.0,
-    "reference_backstress": 3e6,
-    "kelvin_reference_grain_size": 300e-6,
-}
-
-SECOND = {
-    "second_rate": 2e-6,
-    "second_stress_exponent": 1.8,
-    "second_grain_size_exponent": 1.4,
-    "second_activation_enthalpy": 49e3,
-    "mechanism_reference_stress": 2e6,
-    "mechanism_reference_grain_size": 3e-4,
-    "mechanism_reference_temperature": 260.0,
-}
-
-THIRD = {
-    **SECOND,
-    "third_rate": 1e-6,
-    "third_stress_exponent": 2.4,
-    "third_grain_size_exponent": 0.5,
-    "third_activation_enthalpy": 55e3,
 }
 
 
@@ -199,24 +170,13 @@ def random_history(rng: np.random.Generator) -> tuple[list[Leg], list[FloatArray
     return legs, times
 
 
-PIEZOMETER = {
-    "piezometer_reference_grain_size": 2e-3,
-    "piezometer_exponent": 1.33,
-    "piezometer_stress_floor": 1e6,
-    "apparatus_compliance": 1e-10,
-}
-"""And an apparatus that gives."""
+COMPLIANT = {**PIEZOMETER, "apparatus_compliance": 1e-10}
 
 MATERIALS: Mapping[str, Mapping[str, float]] = {
     "standard": {},
     "hardening": {"steady_state_fabric_factor": 1.6, "steady_state_grain_size": 400e-6},
     "compliant apparatus": {"apparatus_compliance": 3e-10},
-    "power-law Kelvin": {
-        "kelvin_stress_exponent": 3.0,
-        "kelvin_activation_enthalpy": 60e3,
-        "kelvin_reference_stress": 2e6,
-        "kelvin_reference_temperature": 260.0,
-    },
+    "power-law Kelvin": POWER_LAW_KELVIN,
     "hyperbolic sine": {"breakdown_stress": 5e6, "stress_exponent": 3.0},
     "threshold stress": {"threshold_stress": 1e6, "stress_exponent": 3.0},
     "backstress": BACKSTRESS,
@@ -241,12 +201,12 @@ MATERIALS: Mapping[str, Mapping[str, float]] = {
         "beta": 2e-5,
         "kelvin_stress_exponent": 3.0,
         "kelvin_reference_stress": 2e6,
-        **PIEZOMETER,
+        **COMPLIANT,
     },
     "backstress, threshold and piezometer": {
         **BACKSTRESS,
         "threshold_stress": 5e5,
-        **PIEZOMETER,
+        **COMPLIANT,
     },
     "second mechanism": SECOND,
     "second mechanism in series": {**SECOND, "second_in_series": 1.0},
@@ -262,9 +222,9 @@ MATERIALS: Mapping[str, Mapping[str, float]] = {
         **BACKSTRESS,
         "kelvin_stress_exponent": 3.0,
         "kelvin_reference_stress": 2e6,
-        **PIEZOMETER,
+        **COMPLIANT,
     },
-    "piezometer": PIEZOMETER,
+    "piezometer": COMPLIANT,
 }
 
 

@@ -10,7 +10,7 @@ import numpy.typing as npt
 import pytest
 from conftest import ICE, Problem
 from history_oracle import FABRIC, GRAINS, PATH
-from history_twins import TRUTH, history_twin
+from history_twins import PIEZOMETER, TRUTH, history_twin
 from log_density import program_with
 from scipy import stats
 from stan_data import one_test_data, parameters_in
@@ -57,11 +57,6 @@ SECTIONS = {
         MeasuredMicrostructure(None, 150e-6, 8e-6, time=600.0),
         MeasuredMicrostructure(None, 150e-6, 8e-6, time=3600.0),
     ),
-}
-PIEZOMETER = {
-    "piezometer_reference_grain_size": 1e-3,
-    "piezometer_exponent": 1.33,
-    "piezometer_stress_floor": 1e6,
 }
 
 
@@ -166,8 +161,7 @@ def test_the_microstructure_does_not_change_while_stress_relaxes() -> None:
 def test_grains_that_follow_a_piezometer_are_measured_too(name: str, within: float) -> None:
     test = measured_test(name)
     truth = dict(test.true_parameters or {})
-    # What tells the law: the steady state is no other size than that at the start.
-    values = {**truth, **PIEZOMETER, "steady_state_grain_size": test.initial_grain_size}
+    values = {**truth, **PIEZOMETER}
     expected = solved(test, values)
     np.testing.assert_allclose(modelled(test, values), expected, rtol=within)
     own = solved(test, truth)

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 from conftest import ICE
+from history_twins import PIEZOMETER
 from jacobians import assert_jacobian_is_that_of_the_map
 from kind_examples import short_twin
 from log_density import Program, assert_gradient_is_slope, program_with
@@ -79,11 +80,7 @@ LAWS: Mapping[str, Mapping[str, float]] = {
     "power-law Kelvin element": {"kelvin_stress_exponent": 2.5, "kelvin_reference_stress": 2e6},
     "hyperbolic sine": {"breakdown_stress": 4e6},
     "threshold stress": {"threshold_stress": 1e6},
-    "piezometer": {
-        "piezometer_reference_grain_size": 5e-4,
-        "piezometer_exponent": 1.3,
-        "piezometer_stress_floor": 1e5,
-    },
+    "piezometer": PIEZOMETER,
 }
 
 

@@ -7,7 +7,7 @@ import numpy.typing as npt
 import oracle
 import pytest
 from conftest import FunctionValues
-from history_twins import residual_covariance
+from history_twins import POWER_LAW_KELVIN, residual_covariance
 from imposed_stress import simulate_imposed_stress
 from independent_table import TRUTHS
 from scipy import stats
@@ -19,16 +19,9 @@ from pyburgers.predictions.stress_cycles import Regime
 FloatArray = npt.NDArray[np.float64]
 pytestmark = pytest.mark.usefixtures("programs")
 
-POWER_LAW = {
-    "kelvin_stress_exponent": 3.0,
-    "kelvin_activation_enthalpy": 60e3,
-    "kelvin_reference_stress": 2e6,
-    "kelvin_reference_temperature": 260.0,
-}
-
 
 def test_stress_cycles_of_a_power_law_kelvin_element_agree_with_scipy() -> None:
-    parameters = dict(TRUTHS["fast"]) | POWER_LAW
+    parameters = {**TRUTHS["fast"], **POWER_LAW_KELVIN}
     regime, frequency, hold = Regime(2e6, 0.9e6), 1e-3, 3600.0
     time = np.linspace(-3000.0, 4000.0, 71)
     found = simulate_imposed_stress(

@@ -84,6 +84,24 @@ DISLOCATIONS: Mapping[str, float] = MappingProxyType(
 )
 """The backstress of dislocations."""
 
+PIEZOMETER: Mapping[str, float] = MappingProxyType(
+    {
+        "piezometer_reference_grain_size": 2e-3,
+        "piezometer_exponent": 1.33,
+        "piezometer_stress_floor": 1e6,
+        "steady_state_grain_size": GRAIN_SIZE,  # that of the start: the piezometer is followed
+    }
+)
+
+POWER_LAW_KELVIN: Mapping[str, float] = MappingProxyType(
+    {
+        "kelvin_stress_exponent": 3.0,
+        "kelvin_activation_enthalpy": 60e3,
+        "kelvin_reference_stress": 2e6,
+        "kelvin_reference_temperature": 260.0,
+    }
+)
+
 _STAGES: Mapping[str, Sequence[tuple[str, float, float]]] = MappingProxyType(
     {
         "creep": (("stress", 4000.0, 5e6),),

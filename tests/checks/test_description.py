@@ -104,12 +104,16 @@ def groups(
 
 
 def history_groups(
-    residual: FloatArray, *, segment: FloatArray, is_strain: bool
+    residual: FloatArray,
+    replicated: FloatArray | None = None,
+    *,
+    segment: FloatArray,
+    is_strain: bool | FloatArray,
 ) -> dict[str, xr.Dataset]:
     """As `groups`, of a loading history."""
-    own = groups(residual, clock="time", segment=segment)
+    own = groups(residual, replicated, clock="time", segment=segment)
     own["/"] = xr.Dataset(attrs={"protocol": "loading_history"})
-    quantity = np.full(residual.size, float(is_strain))
+    quantity = np.broadcast_to(np.asarray(is_strain, dtype=float), residual.shape)
     own["constant_data"] = own["constant_data"].assign(quantity=("point", quantity))
     for name in ("model_response", "posterior_predictive", "observed_data"):
         own[name] = own[name].rename(stress="response")
@@ -271,20 +275,12 @@ def test_a_single_outlier_is_told_as_such() -> None:
 def test_a_quantity_that_is_displaced_as_a_whole_is_told(n: int) -> None:
     """Its noise is fitted as large, so that no segment by itself is off by more than chance."""
     residual = 0.05 * white(n=n)
-    quantity = np.repeat([0.0, 1.0], n // 2)
     residual[n // 2 :] += 0.8
     rng = np.random.default_rng(6)
     sizes = np.repeat([0.05, 0.8], n // 2)
-    own = groups(
-        residual, sizes * rng.standard_normal((CHAINS, DRAWS, n)), segment=np.arange(n) // 3.0
-    )
-    own["constant_data"] = own["constant_data"].assign(quantity=("point", quantity))
-    own = {
-        name: one.rename(stress="response") if "stress" in one else one for name, one in own.items()
-    }
-    own["/"] = xr.Dataset(attrs={"protocol": "loading_history"})
-    own["constant_data"] = own["constant_data"].rename(strain="time")
-    draws = draws_of(one=own)
+    replicated = sizes * rng.standard_normal((CHAINS, DRAWS, n))
+    segment, quantity = np.floor(np.arange(n) / 3), np.repeat([0.0, 1.0], n // 2)
+    draws = draws_of(one=history_groups(residual, replicated, segment=segment, is_strain=quantity))
     trend = discrepancies_of(draws).table.loc[SEGMENT_TREND].iloc[0]
     assert trend["found"] < trend["at_most"]
     result = check_segments(draws)

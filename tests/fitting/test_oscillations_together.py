@@ -22,7 +22,7 @@ FREE = ("kelvin_modulus", "activation_enthalpy", "stress_noise")
 
 @pytest.fixture(scope="module")
 def joint(programs: None, tmp_path_factory: pytest.TempPathFactory) -> Fit:
-    experiments = oscillation_pair(until=700.0)
+    experiments = oscillation_pair(end=700.0)
     truth = truth_of(experiments[0])
     priors = default_priors("olivine")
     known = {name: truth[name] for name in priors.free if name not in FREE}

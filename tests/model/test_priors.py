@@ -214,11 +214,6 @@ class TestDistributions:
         assert not resolved["stress_noise"].relative_to_max_stress
         assert resolved["beta"] == priors["beta"]
 
-    def test_samples_repeat_with_the_seed(self) -> None:
-        prior = default_priors("ice")["beta"]
-        one, other = (prior.sample(np.random.default_rng(7)) for _ in range(2))
-        assert one == other
-
 
 class TestSaving:
     @pytest.mark.parametrize("material", MATERIALS)

@@ -2,6 +2,7 @@
 
 import json
 import math
+import tomllib
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -10,8 +11,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pytest
+import tomli_w
 import xarray as xr
-from conftest import ICE, SMALL_RUN, Problem, with_fixed
+from conftest import ICE, SMALL_RUN, Problem, fixed, with_fixed
 from history_twins import BACKSTRESS, DISLOCATIONS, SECOND, THIRD, TRUTH, history_twin
 from history_twins import PIEZOMETER as FOLLOWED
 from scipy import stats
@@ -30,6 +32,7 @@ from pyburgers.kinds.kind import load_experiment
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.stan_data import SolverOptions
 from pyburgers.model.flow_law_prior import PRIOR_QUANTITIES, Conditions, FlowLawPrior
+from pyburgers.model.laws import KELVIN_LAWS, KelvinLaw
 from pyburgers.model.parameters import (
     ALL_ENVIRONMENT_NUMBERS,
     MATERIAL_PARAMETERS,
@@ -163,36 +166,17 @@ def test_all_choices_survive_a_prior_file(
         assert line in variant_of(again, ice).text
 
 
-@pytest.mark.parametrize(
-    ("law", "free"),
-    [
-        ("two_elements", {"peak_strength", "peak_time_decades"}),
-        ("extended", {"relaxation_time_decades", "relaxation_exponent"}),
-        (
-            "extended_peak",
-            {
-                "relaxation_time_decades",
-                "relaxation_exponent",
-                "peak_strength",
-                "peak_time_decades",
-                "peak_width",
-            },
-        ),
-        ("andrade", {"andrade_exponent"}),
-    ],
-)
+@pytest.mark.parametrize("law", [law for law in KELVIN_LAWS.values() if law.times])
 def test_laws_with_many_relaxation_times_free_their_parameters(
-    ice: ConstantRateExperiment, priors: PriorSet, law: str, free: set[str]
+    ice: ConstantRateExperiment, priors: PriorSet, law: KelvinLaw
 ) -> None:
-    changed = with_variant(priors, ice, {"kelvin": law})
-    assert set(changed.free) - set(priors.free) == free
+    changed = with_variant(priors, ice, {"kelvin": law.name})
+    assert set(changed.free) - set(priors.free) == {*law.parameters}
     # For what viscosity and times are given:
     assert changed["kelvin_reference_temperature"].location == ice.temperature
     assert changed["kelvin_reference_grain_size"].location == ice.initial_grain_size
     # The modulus of Andrade creep is a convention.
-    assert set(priors.free) - set(changed.free) == (
-        {"kelvin_modulus"} if law == "andrade" else set()
-    )
+    assert set(priors.free) - set(changed.free) == {*law.conventions}
 
 
 def test_one_law_of_the_kelvin_part_takes_the_place_of_another(
@@ -380,70 +364,33 @@ def test_two_readings_at_one_strain_correlate_in_part(
 
 
 VARIANT_TABLES = {
-    "kelvin_stress_exponent": '"uniform"\nlower = 1.0\nupper = 5.0\nunit = "1"',
     "kelvin_activation_enthalpy": '"normal"\nlocation = 60\nscale = 5\nlower = 0\nunit = "kJ/mol"',
-    "kelvin_reference_stress": '"fixed"\nvalue = 2.0\nunit = "MPa"',
-    "kelvin_reference_temperature": '"fixed"\nvalue = 260.0\nunit = "K"',
     "residual_correlation_strain": '"lognormal"\nlocation = 1.0\nscale = 1.0\nunit = "percent"',
     "piezometer_reference_grain_size": '"fixed"\nvalue = 2.0\nunit = "mm"',
-    "piezometer_exponent": '"fixed"\nvalue = 1.33\nunit = "1"',
-    "piezometer_stress_floor": '"fixed"\nvalue = 1.0\nunit = "MPa"',
-    "breakdown_stress": '"uniform"\nlower = 1.0\nupper = 50.0\nunit = "MPa"',
-    "reference_backstress": '"fixed"\nvalue = 5.0\nunit = "MPa"',
-    "initial_backstress": '"lognormal"\nlocation = 1.0\nscale = 1.0\nunit = "MPa"',
-    "source_stress": '"lognormal"\nlocation = 0.1\nscale = 1.0\nunit = "MPa"',
-    "boundary_recovery": '"lognormal"\nlocation = 1.0\nscale = 2.0\nunit = "1"',
-    "residual_correlated_share": '"uniform"\nlower = 0.0\nupper = 1.0\nunit = "1"',
-    "modulus_temperature_coefficient": '"fixed"\nvalue = 1e-4\nunit = "1/K"',
-    "modulus_reference_temperature": '"fixed"\nvalue = 260.0\nunit = "K"',
-    "attenuation_scatter": '"half_normal"\nscale = 0.1\nunit = "1"',
-    "modulus_scatter": '"half_normal"\nscale = 0.1\nunit = "1"',
-    "strain_noise": '"lognormal"\nlocation = 0.01\nscale = 1.0\nunit = "percent"',
-    "residual_correlation_time": '"lognormal"\nlocation = 1.0\nscale = 1.0\nunit = "h"',
-    "strain_offset": '"fixed"\nvalue = 0.01\nunit = "percent"',
-    "apparatus_compliance": '"fixed"\nvalue = 0.1\nunit = "1/GPa"',
-    "relaxation_time_decades": '"uniform"\nlower = 1.0\nupper = 9.0\nunit = "1"',
-    "relaxation_exponent": '"uniform"\nlower = 0.1\nupper = 0.9\nunit = "1"',
-    "peak_strength": '"lognormal"\nlocation = 0.1\nscale = 1.0\nunit = "1"',
-    "peak_time_decades": '"uniform"\nlower = 0.0\nupper = 9.0\nunit = "1"',
-    "peak_width": '"lognormal"\nlocation = 3.0\nscale = 0.5\nunit = "1"',
-    "andrade_exponent": '"uniform"\nlower = 0.1\nupper = 0.9\nunit = "1"',
-    "kelvin_grain_size_exponent": '"normal"\nlocation = 1.2\nscale = 0.3\nlower = 0\nunit = "1"',
-    "kelvin_reference_grain_size": '"fixed"\nvalue = 10.0\nunit = "um"',
-    "threshold_stress": '"fixed"\nvalue = 0.0\nunit = "MPa"',
-    "recovery_activation_enthalpy": '"fixed"\nvalue = 60\nunit = "kJ/mol"',
-    "second_stress_exponent": '"normal"\nlocation = 1.8\nscale = 0.2\nlower = 1\nunit = "1"',
-    "second_grain_size_exponent": '"fixed"\nvalue = 0.0\nunit = "1"',
-    "second_activation_enthalpy": '"fixed"\nvalue = 49\nunit = "kJ/mol"',
-    "mechanism_reference_stress": '"fixed"\nvalue = 2.0\nunit = "MPa"',
-    "mechanism_reference_grain_size": '"fixed"\nvalue = 300\nunit = "um"',
-    "mechanism_reference_temperature": '"fixed"\nvalue = 260\nunit = "K"',
-    "second_in_series": '"fixed"\nvalue = 1.0\nunit = "1"',
-    "third_stress_exponent": '"fixed"\nvalue = 2.4\nunit = "1"',
-    "third_grain_size_exponent": '"fixed"\nvalue = 0.0\nunit = "1"',
-    "third_activation_enthalpy": '"fixed"\nvalue = 60\nunit = "kJ/mol"',
-    "third_in_series": '"fixed"\nvalue = 1.0\nunit = "1"',
 }
+IN_FILES = [p.name for p in MATERIAL_PARAMETERS if p.name not in ALL_ENVIRONMENT_NUMBERS]
 
 
-def prior_file(folder: Path, tables: dict[str, str], priors: PriorSet | None = None) -> Path:
-    save_priors(priors or default_priors("ice"), folder / "priors.toml")
-    text = (folder / "priors.toml").read_text(encoding="utf-8")
-    for name, table in tables.items():
-        text += f'\n[parameters.{name}]\nfamily = {table}\nsource = "test"\n'
-    (folder / "mine.toml").write_text(text, encoding="utf-8")
-    return folder / "mine.toml"
+def prior_file(folder: Path, changed: Mapping[str, str | None]) -> Path:
+    """Write every parameter of variants: weak priors, standard values, `VARIANT_TABLES`."""
+    ice, standard = default_priors("ice"), {k: fixed(k, v) for k, v in STANDARD_VALUES.items()}
+    priors = {**standard, **priors_of_freed_parameters(), **ice.priors}
+    every = replace(ice, priors={name: priors[name] for name in IN_FILES})
+    path = folder / "priors.toml"
+    save_priors(every, path)
+    table = tomllib.loads(path.read_text(encoding="utf-8"))
+    for name, text in {**VARIANT_TABLES, **changed}.items():
+        del table["parameters"][name]
+        if text is not None:
+            own = tomllib.loads(f'family = {text}\nsource = "test"')
+            table["parameters"][name] = own
+    path.write_text(tomli_w.dumps(table), encoding="utf-8")
+    return path
 
 
 def test_prior_files_may_name_the_parameters_of_variants(tmp_path: Path) -> None:
-    """Those of the tables, and all others with their weak priors."""
-    freed = priors_of_freed_parameters().items()
-    others = {name: prior for name, prior in freed if name not in VARIANT_TABLES}
-    ice = default_priors("ice")
-    ice = replace(ice, priors={**ice.priors, **others})
-    priors = load_priors(prior_file(tmp_path, VARIANT_TABLES, ice))
-    names = [p.name for p in MATERIAL_PARAMETERS if p.name not in ALL_ENVIRONMENT_NUMBERS]
-    assert list(priors.priors) == names
+    priors = load_priors(prior_file(tmp_path, {}))
+    assert list(priors.priors) == IN_FILES
     assert priors["kelvin_activation_enthalpy"].location == 60e3
     assert priors["residual_correlation_strain"].location == 0.01
 
@@ -483,11 +430,8 @@ def test_prior_files_may_name_the_parameters_of_variants(tmp_path: Path) -> None
 def test_wrong_tables_are_named(
     changed: dict[str, str | None], message: str, tmp_path: Path
 ) -> None:
-    tables = {
-        name: table for name, table in (VARIANT_TABLES | changed).items() if table is not None
-    }
     with pytest.raises(InputError, match=message):
-        load_priors(prior_file(tmp_path, tables))
+        load_priors(prior_file(tmp_path, changed))
 
 
 @pytest.mark.parametrize(

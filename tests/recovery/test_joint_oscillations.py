@@ -19,7 +19,7 @@ RecordProperty = Callable[[str, object], None]
 
 
 def test_a_common_flow_law_is_recovered(tmp_path: Path, record_property: RecordProperty) -> None:
-    experiments, priors = oscillation_pair(until=1300.0), default_priors("olivine")
+    experiments, priors = oscillation_pair(end=1300.0), default_priors("olivine")
     joint = fit(experiments, priors, out=tmp_path / "joint", options=OPTIONS)
     assert joint.manifest["coordinates"]["system"] == "sheared"
     failed = {check.name: check.sentence for check in joint.checks() if not check.passed}

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from conftest import ICE, with_fixed
+from oscillation_records import part_of, with_record
 
 from pyburgers.cmdstan.program import Density, load_program
 from pyburgers.kinds.forced_oscillation.experiment import (
@@ -12,7 +13,7 @@ from pyburgers.kinds.forced_oscillation.experiment import (
     with_background,
 )
 from pyburgers.kinds.forced_oscillation.files import load_forced_oscillation
-from pyburgers.kinds.forced_oscillation.preparation import prepare, strain_shares
+from pyburgers.kinds.forced_oscillation.preparation import strain_shares
 from pyburgers.kinds.forward import simulate_data
 from pyburgers.kinds.problem import problem_of
 from pyburgers.kinds.program_data import program_data
@@ -29,17 +30,9 @@ RECORDS = 60
 def template() -> OscillationExperiment:
     """The twin with 30 strains of standard deviation 1e-4 and 37 stresses."""
     twin = load_forced_oscillation(TWIN)
-    strains, stresses = slice(None, None, 7), slice(None, None, 2)
-    record = replace(
-        twin.record,
-        strain_time=twin.record.strain_time[strains],
-        strain=twin.record.strain[strains],
-        strain_uncertainty=np.full_like(twin.record.strain[strains], 1e-4),
-        stress_time=twin.record.stress_time[stresses],
-        stress=twin.record.stress[stresses],
-        stress_uncertainty=twin.record.stress_uncertainty[stresses],
-    )
-    return replace(twin, record=record, prepared=prepare(record, twin.settings, twin.id))
+    record = part_of(twin.record, slice(None, None, 7), slice(None, None, 2))
+    spread = np.full_like(record.strain, 1e-4)
+    return with_record(twin, replace(record, strain_uncertainty=spread))
 
 
 def deviations(experiment: OscillationExperiment) -> list[float]:

@@ -1,6 +1,5 @@
 """Chains as processes: side by side, cut short, and the progress that they show."""
 
-import io
 import logging
 import re
 import sys
@@ -16,6 +15,7 @@ from typing import Any
 import pytest
 import xarray as xr
 from conftest import SMALL_RUN, Problem
+from terminal import Terminal
 
 from pyburgers.cmdstan.program import Program
 from pyburgers.common.errors import SystemFailureError
@@ -112,13 +112,6 @@ def test_there_are_at_most_as_many_chains_as_cores(
         asked = replace(SMALL_RUN, chains=number, warmup=50)
         chains.run_side_by_side(Program(Path("program")), joint.directory, [1, 2], asked)
     assert seen == [8, 3]
-
-
-class Terminal(io.StringIO):
-    """A stream that says it is a terminal."""
-
-    def isatty(self) -> bool:
-        return True
 
 
 def test_without_terminal_there_is_a_line_for_each_quarter_of_all_chains_with_the_time_left(

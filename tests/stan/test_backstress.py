@@ -9,7 +9,7 @@ import numpy.typing as npt
 import oracle
 import pytest
 from conftest import ICE
-from evaluated_laws import value_of
+from evaluated_laws import names_of, value_of
 from history_twins import (
     BACKSTRESS,
     DISLOCATIONS,
@@ -24,6 +24,7 @@ from scipy.optimize import brentq
 
 from pyburgers import load_experiment
 from pyburgers.common.errors import InputError
+from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
 from pyburgers.kinds.attenuation.files import load_attenuation
 from pyburgers.kinds.forward import simulate
 from pyburgers.kinds.likelihood import likelihood_of
@@ -168,6 +169,35 @@ def test_a_curve_takes_it_as_the_history_that_it_is(
 LINEAR_FORM = {"hardening_modulus": 2e9, "recovery_rate": 2e-3, "recovery_exponent": 1.0}
 
 
+def assert_cycles_have_the_compliance_of(
+    table: AttenuationExperiment,
+    values: Mapping[str, float],
+    place: int,
+    *,
+    settling: float,
+    about: float = 0.0,
+    hold: float = 0.0,
+) -> tuple[complex, float]:
+    """Compare cycles after a hold (s), which settle in a time (s), with the place of a table.
+
+    Returns the compliance (1/Pa) and ln(tan delta).
+    """
+    both = simulate(table, values, at=[*table.conditions.place, *(1 + table.conditions.place)])
+    log_tan_delta, log_modulus = both["log_reading"].to_numpy().reshape(2, 3)[:, place]
+    period, n_cycles = PERIODS[place], 10 + int(np.ceil(settling / PERIODS[place]))
+    # Chords of a sine have other harmonics, and compliances are of the fundamental alone.
+    knots = np.linspace(0.0, n_cycles, 40 * n_cycles + 1)
+    time, stress = hold + knots * period, about + 100.0 * np.sin(2 * np.pi * knots)
+    if hold > 0:
+        time, stress = np.append(0.0, time), np.append(about, stress)
+    stage = Stage("stress_series", 0.0, time[-1], TEMPERATURE, 0.0)
+    test = imagined_history(replace(stage, knots=tuple(zip(time, stress, strict=True))))
+    found = complex_compliance(test, values, period)
+    assert -found.imag / found.real == pytest.approx(np.exp(log_tan_delta), rel=1e-4)
+    assert 1 / abs(found) == pytest.approx(np.exp(log_modulus), rel=1e-4)
+    return found, float(log_tan_delta)
+
+
 def complex_compliance(
     test: HistoryExperiment, values: Mapping[str, float], period: float
 ) -> complex:
@@ -185,22 +215,9 @@ def complex_compliance(
 @pytest.mark.parametrize("place", [0, 1, 2])
 def test_small_cycles_in_time_have_the_compliance_of_a_table(place: int, tmp_path: Path) -> None:
     table = ice_spectrum(tmp_path)
-    period = PERIODS[place]
     linear = flowing(5e-6, 1e6, 1.0, kelvin_modulus=5e9, kelvin_viscosity=1e11)
     values = {**linear, **BACKSTRESS, **LINEAR_FORM}
-    both = simulate(table, values, at=[*table.conditions.place, *(1 + table.conditions.place)])
-    log_tan_delta, log_modulus = both["log_reading"].to_numpy().reshape(2, 3)[:, place]
-    # As many cycles as the slowest part needs to settle.
-    n_cycles = 10 + int(np.ceil(2e3 / period))
-    # Chords of a sine have other harmonics, and compliances are of the fundamental alone.
-    knots = np.linspace(0.0, n_cycles, 40 * n_cycles + 1)
-    stress = 100.0 * np.sin(2 * np.pi * knots)
-    test = of_one_stage("stress_series", 0.0, n_cycles * period)
-    legs = tuple(zip(knots * period, stress, strict=True))
-    test = replace(test, stages=(replace(test.stages[0], knots=legs),))
-    found = complex_compliance(test, values, period)
-    assert -found.imag / found.real == pytest.approx(np.exp(log_tan_delta), rel=1e-4)
-    assert 1 / abs(found) == pytest.approx(np.exp(log_modulus), rel=1e-4)
+    _, log_tan_delta = assert_cycles_have_the_compliance_of(table, values, place, settling=2e3)
     without = simulate(table, linear, at=[*table.conditions.place])["log_reading"].to_numpy()
     assert abs(without[place] - log_tan_delta) > 3e-3
 
@@ -226,14 +243,13 @@ def test_exported_laws_are_those_of_the_program(
 ) -> None:
     test, values = history_twin("creep", 4), {**TRUTH, **numbers}
     laws = laws_of(given_parameters("ice", values), test)
-    factor = values["beta"] * values["activation_enthalpy"]
-    names = {**values, "R": GAS_CONSTANT, "temperature": TEMPERATURE, "fabric_factor": 0.9}
-    names |= {"grain_size": GRAIN_SIZE, "ln_flow_law_factor": factor, "stress": 5e6}
+    names = names_of(
+        values, temperature=TEMPERATURE, fabric_factor=0.9, grain_size=GRAIN_SIZE, stress=5e6
+    )
     for backstress in backstresses:
         here = {**names, "backstress": backstress}
         flow = value_of(str(laws["flow_law"]), here)
-        state = np.array(5e6), np.array(backstress), np.array(GRAIN_SIZE), np.array(0.9)
-        expected, _ = oracle.all_rates(values, TEMPERATURE, *state)
+        expected, _ = oracle.all_rates(values, TEMPERATURE, 5e6, backstress, GRAIN_SIZE, 0.9)
         assert flow == pytest.approx(float(expected), rel=1e-9)
         stored = value_of(str(laws["hardening_law"]), {**here, "strain_rate": flow})
         assert stored == pytest.approx(

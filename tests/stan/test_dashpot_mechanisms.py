@@ -10,7 +10,7 @@ import oracle
 import oscillation_oracle
 import pytest
 from conftest import ICE
-from evaluated_laws import value_of
+from evaluated_laws import names_of, value_of
 from history_twins import BACKSTRESS, GRAIN_SIZE, SECOND, TEMPERATURE, THIRD, TRUTH, history_twin
 from ice_spectrum import PERIODS, ice_spectrum
 from jacobians import assert_jacobian_is_that_of_the_map
@@ -64,9 +64,7 @@ def like_the_first(
     values: Mapping[str, float], which: tuple[str, ...] = ("second",)
 ) -> dict[str, float]:
     """Numbers of further mechanisms that are the first one once more, without a fabric."""
-    rate = oracle.dashpot_rate(
-        values, TEMPERATURE, np.array(2e6), np.array(GRAIN_SIZE), np.array(1.0)
-    )
+    rate = oracle.dashpot_rate(values, TEMPERATURE, 2e6, GRAIN_SIZE, 1.0)
     return {
         **{
             f"{one}_{name}": values[name]
@@ -213,17 +211,8 @@ def test_the_rate_of_all_mechanisms_is_sampled(
     (coordinates,) = problem.coordinates
     place = coordinates.quantities.index(problem.likelihood.reference.name)
     stress = data["stress_scale"][0]
-    rate, first = (
-        float(one)
-        for one in oracle.all_rates(
-            values,
-            test.temperature,
-            np.array(stress),
-            np.array(0.0),
-            np.array(test.initial_grain_size),
-            np.array(1.0),
-        )
-    )
+    grain_size = test.initial_grain_size
+    rate, first = oracle.all_rates(values, test.temperature, stress, 0.0, grain_size, 1.0)
     assert abs(np.log(rate / first)) > 1e-6
     log_quantity = np.log(rate)
     if source == "curve":
@@ -241,9 +230,7 @@ def test_a_table_has_the_sum_of_the_fluidities(tmp_path: Path) -> None:
     values = {**linear, "beta": slower, **THIRD, **linear_ones}
     both = simulate(table, values, at=[*table.conditions.place, *(1 + table.conditions.place)])
     found = np.exp(both["log_reading"].to_numpy())
-    second = oracle.all_rates(
-        values, TEMPERATURE, np.array(1.0), np.array(0.0), np.array(GRAIN_SIZE), np.array(1.0)
-    )[0]
+    second, _ = oracle.all_rates(values, TEMPERATURE, 1.0, 0.0, GRAIN_SIZE, 1.0)
     omega = 2 * np.pi / np.array(PERIODS)
     kelvin = 1 / (values["kelvin_modulus"] + 1j * omega * values["kelvin_viscosity"])
     compliance = 1 / values["maxwell_modulus"] + kelvin - 1j * second / omega
@@ -287,18 +274,14 @@ def test_stress_cycles_add_what_each_mechanism_loses(exponent: float) -> None:
 def test_the_flow_rate_and_the_exported_law_are_those_of_the_equations(
     numbers: Mapping[str, float],
 ) -> None:
-    values, stress, fabric = {**TRUTH, **numbers}, np.array(5e6), np.array(0.9)
-    expected, first = oracle.all_rates(
-        values, TEMPERATURE, stress, np.array(0.0), np.array(GRAIN_SIZE), fabric
-    )
-    rate = flow_rate(
-        values, stress, temperature=TEMPERATURE, grain_size=GRAIN_SIZE, fabric_factor=fabric
-    )
+    values = {**TRUTH, **numbers}
+    expected, first = oracle.all_rates(values, TEMPERATURE, 5e6, 0.0, GRAIN_SIZE, 0.9)
+    rate = flow_rate(values, 5e6, temperature=TEMPERATURE, grain_size=GRAIN_SIZE, fabric_factor=0.9)
     np.testing.assert_allclose(rate, expected, rtol=1e-10)
     laws = laws_of(given_parameters("ice", values), history_twin("creep", 4))
-    names = {**values, "R": GAS_CONSTANT, "temperature": TEMPERATURE, "fabric_factor": 0.9}
-    names |= {"grain_size": GRAIN_SIZE, "stress": 5e6}
-    names["ln_flow_law_factor"] = values["beta"] * values["activation_enthalpy"]
+    names = names_of(
+        values, temperature=TEMPERATURE, fabric_factor=0.9, grain_size=GRAIN_SIZE, stress=5e6
+    )
     mechanisms = laws["mechanisms"]
     assert isinstance(mechanisms, dict)
     rates = {name: value_of(law, names) for name, law in mechanisms.items()}

@@ -1,7 +1,6 @@
 """A flow law as a joint prior: its density, its draws, its files, and what a curve gains."""
 
-import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,6 +11,7 @@ import pytest
 from conftest import ICE, valley_of, with_fixed, write_problem
 from history_twins import history_twin
 from oracle import GAS_CONSTANT
+from refusals import assert_refused
 from scipy import stats
 from stan_data import one_test_data
 
@@ -171,19 +171,28 @@ def test_marginals_stand_in_the_set_and_survive_a_file(tmp_path: Path) -> None:
     assert FlowLawPrior.load(tmp_path / "law.json").source == "made up"
 
 
+def saved(**changed: Any) -> Callable[[Path], object]:
+    """Write the flow law with something changed."""
+    return replace(flow_law(), **changed).save
+
+
 @pytest.mark.parametrize(
-    ("change", "expected"),
+    ("write", "expected"),
     [
-        ({"covariance": -np.eye(4)}, "not symmetric and positive definite"),
-        ({"covariance": np.triu(np.ones((4, 4)))}, "not symmetric and positive definite"),
-        ({"quantities": ("a", "b", "c", "d")}, "found the quantities a, b, c, d, expected"),
-        ({"conditions": Conditions(0.0, 1e6, 1e-4)}, "expected positive numbers"),
+        (lambda path: None, "does not exist"),
+        (lambda path: path.write_text("{"), "is not valid JSON"),
+        (lambda path: path.write_text('{"mean": [1.0]}'), "is not a flow law prior"),
+        (saved(mean=np.ones(1)), r"found a mean of shape \(1,\)"),
+        (saved(covariance=-np.eye(4)), "not symmetric and positive definite"),
+        (saved(covariance=np.triu(np.ones((4, 4)))), "not symmetric and positive definite"),
+        (saved(quantities=("a", "b", "c", "d")), "found the quantities a, b, c, d, expected"),
+        (saved(conditions=Conditions(0.0, 1e6, 1e-4)), "expected positive numbers"),
     ],
 )
 def test_files_that_hold_no_distribution_are_refused(
-    change: dict[str, Any], expected: str, tmp_path: Path
+    write: Callable[[Path], object], expected: str, tmp_path: Path
 ) -> None:
-    replace(flow_law(), **change).save(tmp_path / "law.json")
+    write(tmp_path / "law.json")
     with pytest.raises(InputError, match=expected):
         FlowLawPrior.load(tmp_path / "law.json")
 
@@ -249,19 +258,15 @@ def test_a_source_that_does_not_suit_is_refused(
 ) -> None:
     curve, record = str(ICE / "PIL40.toml"), str(OLIVINE)
 
-    def refused(*arguments: str) -> str:
-        assert main(["fit", *arguments, "--out", str(tmp_path / "run")]) == 2
-        out, error = capsys.readouterr()
-        assert out == ""
-        assert re.fullmatch(r"pyburgers: [^\n]+\.\n", error)
+    def refused(words: str, *arguments: str) -> None:
+        code = main(["fit", *arguments, "--out", str(tmp_path / "run")])
+        assert_refused(code, capsys, words)
         assert not (tmp_path / "run").exists()
-        return error
 
     given = ("--priors-from", str(source))
-    assert "is a flow law of ice, expected one of olivine" in refused(record, *given)
+    refused("is a flow law of ice, expected one of olivine", record, *given)
     priors: PriorSet = with_fixed(default_priors("ice"), {"beta": -7.29e-4})
     save_priors(priors, tmp_path / "fixed.toml")
-    error = refused(curve, "--priors", str(tmp_path / "fixed.toml"), *given)
-    assert "beta is fixed by the priors" in error
-    error = refused(curve, "--priors-from", str(tmp_path))
-    assert f"has no {FLOW_LAW_PRIOR_FILE}, expected a run of pyburgers fit-rates" in error
+    refused("beta is fixed by the priors", curve, "--priors", str(tmp_path / "fixed.toml"), *given)
+    words = f"has no {FLOW_LAW_PRIOR_FILE}, expected a run of pyburgers fit-rates"
+    refused(words, curve, "--priors-from", str(tmp_path))

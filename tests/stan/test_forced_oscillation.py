@@ -7,6 +7,7 @@ import numpy.typing as npt
 import oracle
 import pytest
 from conftest import ICE, FunctionValues
+from oscillation_records import part_of, with_record
 from scipy.integrate import simpson
 from scipy.stats import multivariate_normal, norm
 from stan_values import CHARTS
@@ -17,7 +18,6 @@ from pyburgers.kinds.forced_oscillation.files import load_forced_oscillation
 from pyburgers.kinds.forced_oscillation.preparation import (
     OscillationRecord,
     OscillationSettings,
-    prepare,
 )
 from pyburgers.kinds.forward import simulate
 from pyburgers.kinds.likelihood import likelihood_of
@@ -79,15 +79,8 @@ def sinusoid() -> OscillationExperiment:
         stress=20e6 + 50e6 * np.sin(angle + 1.0),
         stress_uncertainty=4e6 * spread,
     )
-    settings = OscillationSettings(PERIOD, 1, 0, "removed")
-    prepared = prepare(record, settings, "test")
-    return replace(
-        load_forced_oscillation(TWIN_FILE),
-        record=record,
-        settings=settings,
-        prepared=prepared,
-        spin_up_cycles=30,
-    )
+    test = replace(load_forced_oscillation(TWIN_FILE), spin_up_cycles=30)
+    return with_record(test, record, OscillationSettings(PERIOD, 1, 0, "removed"))
 
 
 def test_settled_linear_stress_is_that_of_the_complex_modulus() -> None:
@@ -151,23 +144,16 @@ def test_the_trend_that_is_removed_is_that_of_the_residuals() -> None:
 def of_cycles(experiment: OscillationExperiment, n_cycles: int) -> OscillationExperiment:
     """The first cycles of a record, with a background that is removed and a linear trend."""
     record = experiment.record
-    strain, stress = (
-        time <= time[0] + (n_cycles + 0.1) * PERIOD
-        for time in (record.strain_time, record.stress_time)
+    shorter = part_of(
+        record,
+        *(
+            time <= time[0] + (n_cycles + 0.1) * PERIOD
+            for time in (record.strain_time, record.stress_time)
+        ),
     )
-    shorter = OscillationRecord(
-        strain_time=record.strain_time[strain],
-        strain=record.strain[strain],
-        strain_uncertainty=record.strain_uncertainty[strain],
-        stress_time=record.stress_time[stress],
-        stress=record.stress[stress],
-        stress_uncertainty=record.stress_uncertainty[stress]
-        * (1 + 0.5 * (np.arange(stress.sum()) % 2)),
-    )
-    settings = OscillationSettings(PERIOD, 1, 1, "removed")
-    return replace(
-        experiment, record=shorter, settings=settings, prepared=prepare(shorter, settings, "test")
-    )
+    uneven = 1 + 0.5 * (np.arange(shorter.stress.size) % 2)
+    shorter = replace(shorter, stress_uncertainty=uneven * shorter.stress_uncertainty)
+    return with_record(experiment, shorter, OscillationSettings(PERIOD, 1, 1, "removed"))
 
 
 @pytest.mark.parametrize("n_cycles", [2, 6])
@@ -208,9 +194,7 @@ def test_a_kept_background_leaves_the_stress_as_it_is() -> None:
 def with_strain_noise(experiment: OscillationExperiment, strain_sd: float) -> OscillationExperiment:
     """The test with another standard deviation of its strains, as stated."""
     spread = np.full_like(experiment.record.strain, strain_sd)
-    record = replace(experiment.record, strain_uncertainty=spread)
-    prepared = prepare(record, experiment.settings, "test")
-    return replace(experiment, record=record, prepared=prepared)
+    return with_record(experiment, replace(experiment.record, strain_uncertainty=spread))
 
 
 def test_errors_of_the_strain_change_what_drives_the_model(twin: OscillationExperiment) -> None:

@@ -57,7 +57,7 @@ CURVE_SYSTEMS = ("plain", "valley")
 
 @pytest.fixture(scope="module")
 def records(programs: None) -> list[OscillationExperiment]:
-    return oscillation_pair(until=700.0)
+    return oscillation_pair(end=700.0)
 
 
 @pytest.fixture(params=PARTIAL)

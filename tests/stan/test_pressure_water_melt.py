@@ -8,7 +8,7 @@ import numpy as np
 import oracle
 import pytest
 from conftest import ICE, TABLE_RUN, Problem
-from evaluated_laws import value_of
+from evaluated_laws import names_of, value_of
 from history_twins import BACKSTRESS, GRAIN_SIZE, SECOND, TEMPERATURE, THIRD, TRUTH, history_twin
 from ice_spectrum import ice_spectrum
 from log_density import assert_gradient_along
@@ -179,8 +179,7 @@ def test_the_flow_rate_the_spectrum_and_the_exported_laws_are_too() -> None:
     )
     np.testing.assert_allclose(loss, lost, rtol=1e-9)
     laws = laws_of(given_parameters("ice", values), history_twin("creep", 4))
-    names = {**values, **at, "R": GAS_CONSTANT, "fabric_factor": 1.0, "stress": 5e6}
-    names["ln_flow_law_factor"] = values["beta"] * values["activation_enthalpy"]
+    names = names_of(values, **at, fabric_factor=1.0, stress=5e6)
     mechanisms = laws["mechanisms"]
     assert isinstance(mechanisms, dict)
     rates = {name: value_of(law, names) for name, law in mechanisms.items()}

@@ -14,6 +14,7 @@ from conftest import ICE, fixed, resolved_priors, with_fixed, with_priors
 from jacobians import assert_jacobian_is_that_of_the_map
 from kind_examples import short_twin
 from log_density import Program, program_with
+from oscillation_records import with_record
 from prior_marginals import assert_prior_marginals
 from stan_data import one_test_data, parameter_in, sheared_reference
 from truth_as_mode import at_truth
@@ -35,7 +36,7 @@ from pyburgers.kinds.forced_oscillation.likelihood import (
     ShearedChart,
     ShearedReference,
 )
-from pyburgers.kinds.forced_oscillation.preparation import Background, prepare
+from pyburgers.kinds.forced_oscillation.preparation import Background
 from pyburgers.kinds.likelihood import AtMode, likelihood_of
 from pyburgers.kinds.problem import one_test, problem_of
 from pyburgers.kinds.program_data import chart_block
@@ -282,9 +283,9 @@ def test_a_record_without_loss_does_not_suit() -> None:
     record = experiment.record
     angle = 2 * np.pi / 300.0 * record.stress_time + 0.6
     elastic = replace(record, stress=100e6 + 50e6 * np.sin(angle))
-    prepared = prepare(elastic, experiment.settings, experiment.id)
+    backwards = with_record(experiment, elastic).to_be_solved()
+    prepared = backwards.prepared
     assert prepared.stress_fit.phase()[0] < prepared.strain_fit.phase()[0]
-    backwards = replace(experiment, record=elastic, prepared=prepared).to_be_solved()
     found = chart_at_truth(backwards, resolved_priors(backwards), "auto")
     assert found.name == "plain"
     assert "stress is not ahead of the strain" in found.reason

@@ -88,26 +88,18 @@ def made_up(n_points: int, *, uncertainty: float = 0.0, seed: int = 1) -> RateTa
         "ice", [TRUTH], strain_rate=strain_rate, grain_size=grain_size, temperature=temperature
     )
     deviation = np.hypot(SCATTER, uncertainty)
-    none = np.zeros(n_points)
-    unknown = np.full(n_points, np.nan)
-    return RateTable(
+    return replace(
+        qi_and_goldsby().rows(np.zeros(n_points, dtype=int)),
         id="made-up",
-        material="ice",
         temperature=temperature,
         stress=np.exp(found.log_stress[0] + deviation * rng.normal(size=n_points)),
         strain_rate=strain_rate,
         grain_size=grain_size,
-        pressure=unknown,
-        water_fugacity=unknown,
-        melt_fraction=unknown,
         reading_error=np.full(n_points, uncertainty),
-        temperature_error=none,
-        grain_size_error=none,
-        imposed=np.full(n_points, "strain_rate"),
-        regime=np.full(n_points, "peak"),
-        geometry=np.full(n_points, "compression"),
-        source=np.full(n_points, "made-up"),
+        temperature_error=np.zeros(n_points),
+        grain_size_error=np.zeros(n_points),
         provenance=Provenance("synthetic", "made up for a test"),
+        peak_strain=None,
     )
 
 
@@ -443,28 +435,6 @@ def test_the_flow_law_is_handed_on_as_json(peaks: RateFit, creep: RateFit) -> No
     assert with_flow_law(curve, prior, "the run").flow_law == prior
     with pytest.raises(InputError, match="its tests are not softened"):
         flow_law_prior(creep)
-
-
-@pytest.mark.parametrize(
-    ("content", "expected"),
-    [
-        ("{", "is not valid JSON"),
-        ('{"mean": [1.0]}', "is not a flow law prior"),
-        (
-            '{"quantities": ["a", "b"], "mean": [1.0], "covariance": [[1.0]], "conditions": '
-            '{"temperature": 1.0, "stress": 1.0, "grain_size": 1.0}, "material": "ice", '
-            '"source": "x", "tests": []}',
-            r"found a mean of shape \(1,\)",
-        ),
-    ],
-)
-def test_a_file_that_is_no_flow_law_is_refused(tmp_path: Path, content: str, expected: str) -> None:
-    path = tmp_path / "prior.json"
-    path.write_text(content, encoding="utf-8")
-    with pytest.raises(InputError, match=expected):
-        FlowLawPrior.load(path)
-    with pytest.raises(InputError, match="does not exist"):
-        FlowLawPrior.load(tmp_path / "nothing.json")
 
 
 def test_a_fixed_parameter_is_sampled_around_but_not_handed_on(tmp_path: Path) -> None:

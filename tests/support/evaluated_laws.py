@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 from scipy.integrate import quad
 
+from pyburgers.model.arrhenius import GAS_CONSTANT
+
 FUNCTIONS = {
     "exp": np.exp,
     "sinh": np.sinh,
@@ -17,6 +19,12 @@ FUNCTIONS = {
     "log": np.log,
     "pi": np.pi,
 }
+
+
+def names_of(values: Mapping[str, float], **state: float) -> dict[str, float]:
+    """Return what laws refer to: parameters, constants, and a state."""
+    factor = values["beta"] * values["activation_enthalpy"]
+    return {**values, "R": GAS_CONSTANT, "ln_flow_law_factor": factor, **state}
 
 
 class _Quadrature(ast.NodeTransformer):

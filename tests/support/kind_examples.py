@@ -14,6 +14,7 @@ import oscillation_oracle
 from conftest import DUNITE, ICE
 from history_twins import history_twin, residual_covariance
 from imagined_tests import STEPS
+from oscillation_records import until, with_record
 from scipy import stats
 
 from pyburgers.common.array_types import FloatArray
@@ -24,7 +25,7 @@ from pyburgers.kinds.constant_rate.files import load_constant_rate
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.forced_oscillation.experiment import OscillationExperiment, with_background
 from pyburgers.kinds.forced_oscillation.files import load_forced_oscillation
-from pyburgers.kinds.forced_oscillation.preparation import Background, prepare
+from pyburgers.kinds.forced_oscillation.preparation import Background
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.stan_data import leg_of_times
 from pyburgers.kinds.stan_data import SolverOptions
@@ -129,18 +130,7 @@ class ConstantRateExample(Example[ConstantRateExperiment]):
 def short_twin(background: Background) -> OscillationExperiment:
     """The first cycles of the olivine twin."""
     full = with_background(load_forced_oscillation(TWIN_FILE), background)
-    inside = full.record.strain_time < 700, full.record.stress_time < 700
-    strain = {
-        name: getattr(full.record, name)[inside[0]]
-        for name in ("strain_time", "strain", "strain_uncertainty")
-    }
-    stress = {
-        name: getattr(full.record, name)[inside[1]]
-        for name in ("stress_time", "stress", "stress_uncertainty")
-    }
-    record = replace(full.record, **strain, **stress)
-    prepared = prepare(record, replace(full.settings, start_stress=None), full.id)
-    return replace(full, record=record, settings=prepared.settings, prepared=prepared)
+    return with_record(full, until(full.record, 700.0), replace(full.settings, start_stress=None))
 
 
 class ForcedOscillationExample(Example[OscillationExperiment]):

@@ -9,7 +9,6 @@ from scipy.integrate import solve_ivp
 
 FloatArray = npt.NDArray[np.float64]
 GAS_CONSTANT = 8.314462618  # J/mol/K
-NONE = np.zeros(())  # backstress, Pa
 
 
 def rate_factor(parameters: Mapping[str, float], temperature: float) -> float:
@@ -23,11 +22,12 @@ def rate_factor(parameters: Mapping[str, float], temperature: float) -> float:
 def dashpot_rate(
     parameters: Mapping[str, float],
     temperature: float,
-    stress: FloatArray,
-    grain_size: FloatArray,
-    fabric: FloatArray,
+    stress: npt.ArrayLike,
+    grain_size: npt.ArrayLike,
+    fabric: npt.ArrayLike,
 ) -> FloatArray:
     """Eq. 1 of the paper (1/s), odd in stress; Garofalo's law, or that of a threshold stress."""
+    stress, grain_size, fabric = map(np.asarray, (stress, grain_size, fabric))
     threshold = parameters.get("threshold_stress", 0.0)
     magnitude = np.maximum(np.abs(stress) - threshold, 0.0) / fabric
     breakdown = parameters.get("breakdown_stress", 0.0)
@@ -45,12 +45,13 @@ def dashpot_rate(
 def all_rates(
     parameters: Mapping[str, float],
     temperature: float,
-    stress: FloatArray,
-    backstress: FloatArray,
-    grain_size: FloatArray,
-    fabric: FloatArray,
+    stress: npt.ArrayLike,
+    backstress: npt.ArrayLike,
+    grain_size: npt.ArrayLike,
+    fabric: npt.ArrayLike,
 ) -> tuple[FloatArray, FloatArray]:
     """Rates (1/s) of the dashpot with all its mechanisms, and of the first of them."""
+    stress, backstress, grain_size = map(np.asarray, (stress, backstress, grain_size))
     flow_stress = stress - backstress - source_stress(parameters, grain_size)
     first = dashpot_rate(parameters, temperature, flow_stress, grain_size, fabric)
     if (reference := parameters.get("reference_backstress", 0.0)) > 0.0:
@@ -109,7 +110,7 @@ def kelvin_rate(
 def source_stress(parameters: Mapping[str, float], grain_size: npt.ArrayLike) -> FloatArray:
     """Stress (Pa) that sources of dislocations take."""
     if parameters.get("reference_backstress", 0.0) == 0.0:
-        return NONE
+        return np.zeros(())
     finer = parameters["kelvin_reference_grain_size"] / np.asarray(grain_size)
     return np.asarray(parameters["source_stress"] * finer)
 
@@ -168,7 +169,7 @@ def six_states(
     def rates(_time: float, state: FloatArray, strain_rate: float) -> FloatArray:
         stress, kelvin_strain, _, _, grain_size, fabric = state
         kelvin = kelvin_rate(parameters, temperature, stress, kelvin_strain)
-        dashpot, _ = all_rates(parameters, temperature, stress, NONE, grain_size, fabric)
+        dashpot, _ = all_rates(parameters, temperature, stress, 0.0, grain_size, fabric)
         elastic = strain_rate - kelvin - dashpot
         return np.array(
             [
@@ -265,7 +266,7 @@ def oscillation(
         stress, kelvin_strain, grain_size = state
         strain_rate = imposed.rate(at)
         kelvin = kelvin_rate(parameters, temperature, stress, kelvin_strain)
-        dashpot, _ = all_rates(parameters, temperature, stress, NONE, grain_size, np.ones(()))
+        dashpot, _ = all_rates(parameters, temperature, stress, 0.0, grain_size, 1.0)
         growth = (piezometer(stress) - grain_size) / parameters["critical_strain_grain_size"]
         return np.array(
             [

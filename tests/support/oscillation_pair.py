@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 from conftest import ICE
+from oscillation_records import until, with_record
 
 from pyburgers.kinds.forced_oscillation.experiment import OscillationExperiment, with_background
 from pyburgers.kinds.forced_oscillation.files import load_forced_oscillation
-from pyburgers.kinds.forced_oscillation.preparation import prepare
 from pyburgers.kinds.forward import simulate_data
 
 TWIN_FILE = ICE.parent / "olivine" / "olivine_twin.toml"
@@ -15,28 +15,21 @@ SMALLER, WARMER = 0.8, 40.0
 """Strains of the second record over those of the first, and its temperature less that (K)."""
 
 
-def oscillation_pair(until: float = np.inf) -> list[OscillationExperiment]:
+def oscillation_pair(end: float = np.inf) -> list[OscillationExperiment]:
     """Solutions at the truth of the olivine twin, with noise, up to a time (s)."""
     twin = with_background(load_forced_oscillation(TWIN_FILE), "removed")
     assert twin.true_parameters is not None
-    record, made = twin.record, []
+    record, made = until(twin.record, end), []
     for number, (factor, warmer) in enumerate([(1.0, 0.0), (SMALLER, WARMER)]):
-        strains, stresses = record.strain_time < until, record.stress_time < until
         driven = replace(
             record,
-            strain_time=record.strain_time[strains],
-            strain=factor * record.strain[strains],
-            strain_uncertainty=factor * record.strain_uncertainty[strains],
-            stress_time=record.stress_time[stresses],
-            stress=record.stress[stresses],
-            stress_uncertainty=record.stress_uncertainty[stresses],
+            strain=factor * record.strain,
+            strain_uncertainty=factor * record.strain_uncertainty,
         )
         test = replace(
-            twin,
+            with_record(twin, driven),
             id=f"record_{number + 1}",
             temperature=twin.temperature + warmer,
-            record=driven,
-            prepared=prepare(driven, twin.settings, twin.id),
         )
         rng = np.random.default_rng([20261122, number])
         made.append(simulate_data(test, twin.true_parameters, rng, source="the olivine twin"))

@@ -17,6 +17,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 from weakref import WeakSet
 
 import filelock
@@ -131,6 +132,10 @@ class Problem:
     @property
     def priors(self) -> PriorSet:
         return load_priors(self.priors_file)
+
+    def fit(self, out: Path, options: SamplerOptions = SMALL_RUN, **others: Any) -> Fit:
+        """Fit the test of the files."""
+        return fit(self.experiment, self.priors, out=out, options=options, **others)
 
 
 def fixed(name: str, value: float) -> Prior:
@@ -330,11 +335,7 @@ def shared_runs(programs: None, tmp_path_factory: pytest.TempPathFactory) -> Sha
 @pytest.fixture(scope="session")
 def small_fit(shared_runs: SharedRuns, small_problem: Problem) -> Fit:
     """Finished fit of the small problem; not to be changed (copy its folder instead)."""
-
-    def make(out: Path) -> Fit:
-        return fit(small_problem.experiment, small_problem.priors, out=out, options=SMALL_RUN)
-
-    return shared_runs.finished("small_fit", make)
+    return shared_runs.finished("small_fit", small_problem.fit)
 
 
 @pytest.fixture(scope="session")
@@ -351,11 +352,7 @@ def other_fit(shared_runs: SharedRuns, small_problem: Problem) -> Fit:
 @pytest.fixture(scope="session")
 def long_fit(shared_runs: SharedRuns, small_problem: Problem) -> Fit:
     """Finished fit of the small problem that passes all checks; not to be changed."""
-
-    def make(out: Path) -> Fit:
-        return fit(small_problem.experiment, small_problem.priors, out=out, options=LONG_RUN)
-
-    return shared_runs.finished("long_fit", make)
+    return shared_runs.finished("long_fit", lambda out: small_problem.fit(out, LONG_RUN))
 
 
 @pytest.fixture(scope="session")

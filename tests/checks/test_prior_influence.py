@@ -1,6 +1,6 @@
 """Who decides a number: exact linear models, bounds, conflicts by simulation, a real fit."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -355,12 +355,13 @@ def test_a_prior_that_was_read_off_the_data_is_named() -> None:
     assert "read off" not in " ".join(decision_sentences(elsewhere))
 
 
+def flow_law(mean: Sequence[float], sd: Sequence[float], at: Conditions) -> FlowLawPrior:
+    covariance = np.diag(np.square(sd))
+    return FlowLawPrior(PRIOR_QUANTITIES, np.array(mean), covariance, at, "ice", "test")
+
+
 def test_a_joint_prior_counts_as_one() -> None:
-    at = Conditions(260.0, 9e6, 2e-4)
-    mean = np.array([4.0, 0.5, -10.0, -7e-4])
-    law = FlowLawPrior(
-        PRIOR_QUANTITIES, mean, np.diag([0.09, 0.01, 0.04, 1e-12]), at, "ice", "test"
-    )
+    law = flow_law([4.0, 0.5, -10.0, -7e-4], [0.3, 0.1, 0.2, 1e-6], Conditions(260.0, 9e6, 2e-4))
     single = prior_set(*map(standard_normal, NAMES))
     priors = with_flow_law(single, law, "test")
     rng = np.random.default_rng(1)
@@ -422,15 +423,8 @@ def test_who_decides_the_numbers_of_a_short_curve(programs: None, tmp_path: Path
 
 def test_a_joint_prior_whose_flow_rate_the_data_exclude_is_a_conflict() -> None:
     """Each quantity by itself lies within its own prior: Q_M is uncertain through beta."""
-    at = Conditions(294.0, 16e6, 5e-3)
-    law = FlowLawPrior(
-        PRIOR_QUANTITIES,
-        np.array([4.5, 0.2, -23.5, -1.319e-3]),
-        np.diag([1.0, 4e-4, 1.0, 1.2e-7]),
-        at,
-        "ice",
-        "test",
-    )
+    deviations = [1.0, 0.02, 1.0, 1.2e-7**0.5]
+    law = flow_law([4.5, 0.2, -23.5, -1.319e-3], deviations, Conditions(294.0, 16e6, 5e-3))
     priors = with_flow_law(prior_set(*map(standard_normal, NAMES)), law, "test")
     rng = np.random.default_rng(1)
     drawn = {name: rng.standard_normal(N_DRAWS) for name in priors.free}

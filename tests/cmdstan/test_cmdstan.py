@@ -40,7 +40,6 @@ from pyburgers.cmdstan.program import (
 from pyburgers.cmdstan.toolchain import (
     compile_flags,
     find_cmdstan,
-    stan_directory,
     toolchain,
 )
 from pyburgers.common.array_types import FloatArray
@@ -436,10 +435,6 @@ class TestProgramKey:
             program_key(home / "nowhere.stan", home, make_cmdstan(home / "cmdstan"))
 
 
-def test_the_programs_are_found() -> None:
-    assert (stan_directory() / "loading_history.stan").is_file()
-
-
 @pytest.mark.slow
 def test_functions_have_bodies_in_stan_if_the_compiler_refuses_a_header(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
@@ -502,30 +497,6 @@ def test_slow_climbs_are_counted(
     ends = Slow(cast(Program, None), {}).ends(starts, seed=1)
     assert [end.log_density for end in ends] == [4, 3, 2, 1, 0]
     assert caplog.messages == [f"{done} of 5 climbs to the mode are done." for done in (2, 4)]
-
-
-def assert_every_method_runs(program: Program, folder: Path) -> None:
-    assert len(program.recipe) == 64
-    values = program.evaluate({}, {"coordinate": [3.0]})
-    assert (values["coordinate"].tolist(), float(values["square"])) == ([3.0], 9.0)
-    density = Density(program, {})
-    end = density.climb(np.array([3.0]), seed=1)
-    assert end.log_density == pytest.approx(0.0, abs=1e-10)
-    assert end.place == pytest.approx([2.0], abs=1e-5)
-    points = np.array([[3.0], [-1.0]])
-    np.testing.assert_allclose(density.gradients(points), 2 - points)
-    with pytest.raises(SamplingError, match=r"The optimiser failed: .*Initialization failed"):
-        density.climb(np.array([1e200]), seed=1)
-    files = []
-    for name, rows in {"one": (1.0, 2.0), "other": (3.0, 4.0), "bad": (5.0, 6.0)}.items():
-        files.append(folder / f"{name}.csv")
-        columns = ",".join([*(f"sampler_{k}__" for k in range(7)), "coordinate.1"])
-        write_text(files[-1], "\n".join([columns, *(f"{'0,' * 7}{x}" for x in rows)]) + "\n")
-    generated = program.generate({}, files[:2], seed=1)
-    assert generated["square"].tolist() == [[1.0, 4.0], [9.0, 16.0]]
-    assert generated.dataset(["square"])["square"].sel(chain=2, draw=0) == 9.0
-    with pytest.raises(Unsolved, match="no solution at some of the draws"):
-        program.generate({}, files, seed=1)
 
 
 @pytest.mark.parametrize(
@@ -764,9 +735,30 @@ class TestCompile:
     def test_every_method_runs(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         """Of a program that is compiled once per machine, into a folder with a space."""
         monkeypatch.setenv("PYBURGERS_CACHE", str(cache_directory() / "of tests"))
-        program = tmp_path / "tiny.stan"
-        program.write_text(TINY)
-        assert_every_method_runs(load_program(program), tmp_path)
+        source = tmp_path / "tiny.stan"
+        source.write_text(TINY)
+        program = load_program(source)
+        assert len(program.recipe) == 64
+        values = program.evaluate({}, {"coordinate": [3.0]})
+        assert (values["coordinate"].tolist(), float(values["square"])) == ([3.0], 9.0)
+        density = Density(program, {})
+        end = density.climb(np.array([3.0]), seed=1)
+        assert end.log_density == pytest.approx(0.0, abs=1e-10)
+        assert end.place == pytest.approx([2.0], abs=1e-5)
+        points = np.array([[3.0], [-1.0]])
+        np.testing.assert_allclose(density.gradients(points), 2 - points)
+        with pytest.raises(SamplingError, match=r"The optimiser failed: .*Initialization failed"):
+            density.climb(np.array([1e200]), seed=1)
+        files = []
+        for name, rows in {"one": (1.0, 2.0), "other": (3.0, 4.0), "bad": (5.0, 6.0)}.items():
+            files.append(tmp_path / f"{name}.csv")
+            columns = ",".join([*(f"sampler_{k}__" for k in range(7)), "coordinate.1"])
+            write_text(files[-1], "\n".join([columns, *(f"{'0,' * 7}{x}" for x in rows)]) + "\n")
+        generated = program.generate({}, files[:2], seed=1)
+        assert generated["square"].tolist() == [[1.0, 4.0], [9.0, 16.0]]
+        assert generated.dataset(["square"])["square"].sel(chain=2, draw=0) == 9.0
+        with pytest.raises(Unsolved, match="no solution at some of the draws"):
+            program.generate({}, files, seed=1)
 
     def test_wrong_program_shows_what_stanc_says(
         self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -21,7 +21,7 @@ from pyburgers.cmdstan.program import Program
 from pyburgers.common.errors import SystemFailureError
 from pyburgers.common.messages import messages_where_watched
 from pyburgers.common.processes import start
-from pyburgers.fitting.fit import Fit, fit
+from pyburgers.fitting.fit import Fit
 from pyburgers.sampling import chains
 from pyburgers.sampling.chains import (
     ConsoleFile,
@@ -43,12 +43,10 @@ def test_fits_in_threads_are_like_any_other_and_leave_the_streams_alone(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     caplog.set_level(logging.INFO, "pyburgers")
-    experiment, priors = small_problem.experiment, small_problem.priors
     options = replace(SMALL_RUN, parallel_chains=1)
     with ThreadPoolExecutor(2) as pool:
         waiting = [
-            pool.submit(fit, experiment, priors, out=tmp_path / name, options=options)
-            for name in ("one", "other")
+            pool.submit(small_problem.fit, tmp_path / name, options) for name in ("one", "other")
         ]
         print("mine")
         found = [one.result() for one in waiting]

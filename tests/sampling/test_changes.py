@@ -86,18 +86,14 @@ def test_overwriting_replaces_the_run_and_nothing_else(
     small_fit.save(out)
     (out / "notes.txt").write_text("mine", encoding="utf-8")
     options = replace(SMALL_RUN, draws=20, warmup=60)
-    new = fit(
-        small_problem.experiment, small_problem.priors, out=out, options=options, overwrite=True
-    )
+    new = small_problem.fit(out, options, overwrite=True)
     assert new.posterior["posterior"].sizes["draw"] == 20
     assert (out / "notes.txt").read_text(encoding="utf-8") == "mine"
     # The same inputs are continued, whatever is said of others.
     kept = new.directory.draws_file(1).read_bytes()
     begun = "2026-01-01T00:00:00+00:00"
     new.directory.update_manifest({"started": begun})
-    again = fit(
-        small_problem.experiment, small_problem.priors, out=out, options=options, overwrite=True
-    )
+    again = small_problem.fit(out, options, overwrite=True)
     assert again.directory.draws_file(1).read_bytes() == kept
     assert again.manifest["started"] == begun
 
@@ -111,13 +107,7 @@ def test_a_folder_with_a_manifest_of_something_else_is_never_cleared(
     for name, text in files.items():
         (tmp_path / name).write_text(text, encoding="utf-8")
     with pytest.raises(InputError, match="something else than a fit of tests") as caught:
-        fit(
-            small_problem.experiment,
-            small_problem.priors,
-            out=tmp_path,
-            options=SMALL_RUN,
-            overwrite=True,
-        )
+        small_problem.fit(tmp_path, overwrite=True)
     assert "--overwrite" not in str(caught.value)
     for name, text in files.items():
         assert (tmp_path / name).read_text(encoding="utf-8") == text

@@ -14,7 +14,7 @@ from pyburgers.common.draws import FloatArray
 from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import read_json
 from pyburgers.fitting.charts_at_modes import ChosenChart, ProblemMode, find_mode
-from pyburgers.fitting.fit import Fit, fit
+from pyburgers.fitting.fit import Fit
 from pyburgers.kinds.constant_rate.files import load_constant_rate
 from pyburgers.kinds.constant_rate.likelihood import LIKELIHOOD as CONSTANT_RATE
 from pyburgers.kinds.forward import simulate_data
@@ -110,13 +110,7 @@ LOOSE = SolverOptions(tolerance=1e-3)
 
 
 def loosely(problem: SmallProblem, out: Path, tolerance: float = LOOSE.tolerance) -> Fit:
-    return fit(
-        problem.experiment,
-        problem.priors,
-        out=out,
-        options=replace(SMALL_RUN, draws=40),
-        solver=SolverOptions(tolerance),
-    )
+    return problem.fit(out, replace(SMALL_RUN, draws=40), solver=SolverOptions(tolerance))
 
 
 def test_chains_start_at_a_tolerance_that_is_not_too_loose(

@@ -15,7 +15,7 @@ from same_contents import contents
 from pyburgers.cmdstan.draw_files import adaptation_of, join_draws, read_draws
 from pyburgers.cmdstan.program import Program
 from pyburgers.common.errors import InputError, SamplingError
-from pyburgers.fitting.fit import Fit, fit
+from pyburgers.fitting.fit import Fit
 from pyburgers.sampling import run as runs
 from pyburgers.sampling.chains import run_side_by_side
 from pyburgers.sampling.manifest import ChainFailure
@@ -27,9 +27,7 @@ FIRST = "pyburgers.fit(...)"
 
 
 def again(problem: Problem, out: Path, more_draws: int | None = None) -> Fit:
-    return fit(
-        problem.experiment, problem.priors, out=out, options=SMALL_RUN, more_draws=more_draws
-    )
+    return problem.fit(out, more_draws=more_draws)
 
 
 def test_a_repeated_command_leaves_the_record_of_draws_that_stay(
@@ -40,9 +38,8 @@ def test_a_repeated_command_leaves_the_record_of_draws_that_stay(
     extended.save(path)
 
     def repeated(chains: int) -> Fit:
-        test, priors = small_problem.experiment, small_problem.priors
         options = replace(SMALL_RUN, chains=chains)
-        return fit(test, priors, out=path, options=options, command=f"{chains} chains")
+        return small_problem.fit(path, options, command=f"{chains} chains")
 
     caplog.set_level(logging.INFO, "pyburgers.sampling.run")
     for chains in (SMALL_RUN.chains, 1):
@@ -122,8 +119,7 @@ def extended(
 ) -> Fit:
     path = tmp_path_factory.mktemp("more") / "run"
     small_fit.save(path)
-    test, priors, command = small_problem.experiment, small_problem.priors, "with more draws"
-    return fit(test, priors, out=path, options=SMALL_RUN, more_draws=MORE, command=command)
+    return small_problem.fit(path, more_draws=MORE, command="with more draws")
 
 
 def test_the_draws_that_were_there_stay(small_fit: Fit, extended: Fit) -> None:
@@ -221,14 +217,7 @@ def test_draws_are_added_to_a_run_that_is_there_and_stays(
     small_fit.save(path)
     before = contents(path)
     with pytest.raises(InputError, match="--more-draws 10: found it beside --overwrite"):
-        fit(
-            small_problem.experiment,
-            small_problem.priors,
-            out=path,
-            options=replace(SMALL_RUN, seed=12),
-            more_draws=10,
-            overwrite=True,
-        )
+        small_problem.fit(path, replace(SMALL_RUN, seed=12), more_draws=10, overwrite=True)
     assert contents(path) == before
 
 

@@ -49,11 +49,7 @@ what it runs in the background, and Python then leaves it so."""
 @pytest.fixture(scope="session")
 def undisturbed(shared_runs: SharedRuns, small_problem: Problem) -> Fit:
     """What an interrupted run comes to in the end; not to be changed."""
-
-    def make(out: Path) -> Fit:
-        return fit(small_problem.experiment, small_problem.priors, out=out, options=INTERRUPTED)
-
-    return shared_runs.finished("undisturbed", make)
+    return shared_runs.finished("undisturbed", lambda out: small_problem.fit(out, INTERRUPTED))
 
 
 @pytest.fixture
@@ -304,9 +300,7 @@ def test_an_interrupted_run_and_a_killed_chain_are_told_and_the_next_call_comple
     assert "SIGKILL" in verdicts["chains"].table["outcome"].iloc[1]
     assert run.failure_file(2).is_file()
 
-    completed = fit(
-        small_problem.experiment, small_problem.priors, out=run.path, options=INTERRUPTED
-    )
+    completed = small_problem.fit(run.path, INTERRUPTED)
     assert_same_draws(run, undisturbed)
     assert completed.manifest["status"] == "complete"
     assert completed.checks()[0].passed
@@ -316,12 +310,7 @@ def test_chains_out_of_time_are_named_and_can_be_run_again(
     programs: None, small_problem: Problem, tmp_path: Path
 ) -> None:
     with pytest.raises(SamplingError, match=r"Chain 1 ran into its time limit .*raise the limit"):
-        fit(
-            small_problem.experiment,
-            small_problem.priors,
-            out=tmp_path / "run",
-            options=replace(SMALL_RUN, draws=100_000, chain_timeout=0.3),
-        )
+        small_problem.fit(tmp_path / "run", replace(SMALL_RUN, draws=100_000, chain_timeout=0.3))
     run = RunDirectory(tmp_path / "run")
     assert run.read_manifest()["status"] == "chains missing"
     assert run.failure_file(1).is_file()
@@ -338,7 +327,7 @@ def test_a_chain_that_cannot_start_is_named(
     shutil.rmtree(run.chain_folder(2))
     start = json.loads(run.initial_values_file(2).read_text(encoding="utf-8"))
     write_json(run.initial_values_file(2), {"coordinate": [1e9] * len(start["coordinate"])})
-    result = fit(small_problem.experiment, small_problem.priors, out=run.path, options=SMALL_RUN)
+    result = small_problem.fit(run.path)
     check = result.checks()[0]
     assert not check.passed
     assert "Chain 2 ended with an error at 'before the first iteration'" in check.sentence

@@ -13,7 +13,7 @@ from conftest import SMALL_RUN, TABLE_RUN, Problem
 from pyburgers.cmdstan.draw_files import adaptation_of, read_draws
 from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import read_json
-from pyburgers.fitting.fit import Fit, fit
+from pyburgers.fitting.fit import Fit
 from pyburgers.flow_law_tables.fit import RateFit
 from pyburgers.flow_law_tables.fit_rates import fit_rates
 from pyburgers.sampling.repetitions import SHORTENING, adaptation, shorten_steps
@@ -26,9 +26,7 @@ LONG_STEPS = replace(SMALL_RUN, warmup=60, draws=30, adapt_delta=0.05)
 
 
 def again(problem: Problem, out: Path, more_draws: int | None = None) -> Fit:
-    return fit(
-        problem.experiment, problem.priors, out=out, options=LONG_STEPS, more_draws=more_draws
-    )
+    return problem.fit(out, LONG_STEPS, more_draws=more_draws)
 
 
 def all_draws(run: RunDirectory) -> FloatArray:

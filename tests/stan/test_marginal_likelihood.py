@@ -12,7 +12,7 @@ from conftest import SMALL_RUN, Problem
 from pyburgers.cmdstan.draw_files import read_draws
 from pyburgers.cmdstan.program import Density, load_program
 from pyburgers.comparison.marginal_likelihood import log_marginal_likelihood
-from pyburgers.fitting.fit import Fit, fit, fit_problem
+from pyburgers.fitting.fit import Fit, fit_problem
 from pyburgers.kinds.constant_rate.likelihood import LIKELIHOOD as CONSTANT_RATE
 from pyburgers.kinds.problem import problem_of
 from pyburgers.kinds.stan_data import REFERENCE_SOLVER, solver_block
@@ -69,13 +69,7 @@ def test_the_marginal_likelihood_is_that_of_quadrature(long_fit: Fit, tmp_path: 
 
 
 def test_without_data_it_is_one(small_problem: Problem, tmp_path: Path) -> None:
-    prior = fit(
-        small_problem.experiment,
-        small_problem.priors,
-        out=tmp_path / "prior",
-        options=SMALL_RUN,
-        use_likelihood=False,
-    )
+    prior = small_problem.fit(tmp_path / "prior", use_likelihood=False)
     found = log_marginal_likelihood(prior)
     assert found.error < 0.1
     assert found.value == pytest.approx(0.0, abs=4 * found.error)

@@ -1,6 +1,6 @@
 """Who decides a number: exact linear models, bounds, conflicts by simulation, a real fit."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,6 +10,7 @@ import xarray as xr
 from conftest import SMALL_RUN, write_problem
 from linear_priors import (
     NAMES,
+    flow_law,
     labelled,
     normal_fits,
     prior_set,
@@ -33,7 +34,7 @@ from pyburgers.checks.prior_influence import (
 )
 from pyburgers.common.array_types import FloatArray
 from pyburgers.fitting.fit import fit
-from pyburgers.model.flow_law_prior import PRIOR_QUANTITIES, Conditions, FlowLawPrior
+from pyburgers.model.flow_law_prior import PRIOR_QUANTITIES, Conditions
 from pyburgers.model.parameters import PARAMETER_BY_NAME
 from pyburgers.model.prior_families import Prior, normal_scores
 from pyburgers.model.priors import JOINT_PRIOR, PriorSet, with_flow_law
@@ -353,11 +354,6 @@ def test_a_prior_that_was_read_off_the_data_is_named() -> None:
     assert marked.read_off(["4580, sample 4580 10.1/abc"]) == frozenset()
     elsewhere = prior_influence(posterior, marked)
     assert "read off" not in " ".join(decision_sentences(elsewhere))
-
-
-def flow_law(mean: Sequence[float], sd: Sequence[float], at: Conditions) -> FlowLawPrior:
-    covariance = np.diag(np.square(sd))
-    return FlowLawPrior(PRIOR_QUANTITIES, np.array(mean), covariance, at, "ice", "test")
 
 
 def test_a_joint_prior_counts_as_one() -> None:

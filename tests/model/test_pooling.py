@@ -21,11 +21,9 @@ from pyburgers.model.pooling import (
 )
 from pyburgers.model.priors import default_priors
 
-NAMES = ("PIL40", "PIL72", "PIL105")
-
 
 def twins() -> list[Experiment]:
-    return [load_constant_rate(ICE / f"{name}.toml") for name in NAMES]
+    return [load_constant_rate(ICE / f"{name}.toml") for name in ("PIL40", "PIL72", "PIL105")]
 
 
 def problem(**pool: str) -> Problem:

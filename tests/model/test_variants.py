@@ -16,6 +16,7 @@ import xarray as xr
 from conftest import ICE, SMALL_RUN, Problem, fixed, with_fixed
 from history_twins import BACKSTRESS, DISLOCATIONS, SECOND, THIRD, TRUTH, history_twin
 from history_twins import PIEZOMETER as FOLLOWED
+from linear_priors import flow_law
 from scipy import stats
 from stan_data import one_test_data
 
@@ -31,7 +32,7 @@ from pyburgers.kinds.forward import simulate, simulate_data
 from pyburgers.kinds.kind import load_experiment
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.stan_data import SolverOptions
-from pyburgers.model.flow_law_prior import PRIOR_QUANTITIES, Conditions, FlowLawPrior
+from pyburgers.model.flow_law_prior import Conditions
 from pyburgers.model.laws import KELVIN_LAWS, KelvinLaw
 from pyburgers.model.parameters import (
     ALL_ENVIRONMENT_NUMBERS,
@@ -276,14 +277,8 @@ def test_an_oscillation_of_a_material_without_piezometer_is_refused() -> None:
 def test_a_linear_maxwell_dashpot_has_no_place_for_a_joint_flow_law(
     ice: ConstantRateExperiment, priors: PriorSet
 ) -> None:
-    source = FlowLawPrior(
-        PRIOR_QUANTITIES,
-        np.array([3.8, 0.5, -9.0, -7.29e-4]),
-        np.diag([0.1, 0.1, 0.1, 1e-12]),
-        Conditions(260.0, 5e6, 2e-4),
-        "ice",
-        "a table",
-    )
+    at = Conditions(260.0, 5e6, 2e-4)
+    source = flow_law([3.8, 0.5, -9.0, -7.29e-4], [0.3, 0.3, 0.3, 1e-6], at)
     joint = with_flow_law(priors, source, "here")
     with pytest.raises(InputError, match="maxwell=linear fixes the stress exponent"):
         with_variant(joint, ice, {"maxwell": "linear"})

@@ -52,9 +52,7 @@ def numbers_of(
 
 
 def truth() -> dict[str, float]:
-    parameters = load_forced_oscillation(TWIN_FILE).true_parameters
-    assert parameters is not None
-    return dict(parameters)
+    return dict(load_forced_oscillation(TWIN_FILE).true_parameters or {})
 
 
 def linear_parameters() -> dict[str, float]:

@@ -3,15 +3,14 @@
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
+import oracle
 import pytest
-from conftest import ICE, FunctionValues, valley_of, with_fixed
+from conftest import ICE, FunctionValues, valley_of, with_fixed, with_priors
 from independent_table import TRUTHS
 from log_density import program_with
-from oracle import GAS_CONSTANT
 from prior_marginals import assert_prior_marginals
 from scipy import stats
 from stan_data import one_test_data, parameter_in
@@ -33,15 +32,10 @@ pytestmark = pytest.mark.usefixtures("programs")
 
 
 def reference_stress(experiment: ConstantRateExperiment, values: Mapping[str, float]) -> float:
-    log_factor = values["activation_enthalpy"] * (
-        values["beta"] - 1 / (GAS_CONSTANT * experiment.temperature)
-    )
-    log_flow = (
-        np.log(experiment.segments[0].strain_rate)
-        + values["grain_size_exponent"] * np.log(experiment.initial_grain_size)
-        - log_factor
-    )
-    return float(np.exp(log_flow / values["stress_exponent"]))
+    factor = oracle.rate_factor(values, experiment.temperature)
+    by_grains = experiment.initial_grain_size ** values["grain_size_exponent"]
+    flow = experiment.segments[0].strain_rate * by_grains / factor
+    return float(flow ** (1 / values["stress_exponent"]))
 
 
 def priors_of(kind: str) -> PriorSet:
@@ -56,8 +50,9 @@ def priors_of(kind: str) -> PriorSet:
             ),
             "beta": Prior("beta", "normal", -7.29e-4, 2e-5, -np.inf, np.inf, "mol/J", "test"),
         }
-        ice = replace(ice, priors=MappingProxyType({**ice.priors, **changed}))
-        return with_fixed(ice, {"activation_enthalpy": 64e3, "critical_strain_fabric": 0.2})
+        return with_fixed(
+            with_priors(ice, changed), {"activation_enthalpy": 64e3, "critical_strain_fabric": 0.2}
+        )
     return ice
 
 
@@ -146,7 +141,7 @@ def test_valley_coordinates_leave_the_prior_as_it_is(
         )
         for name, relative in NARROW.items()
     }
-    priors = replace(whole, priors=MappingProxyType({**whole.priors, **narrow}))
+    priors = with_priors(whole, narrow)
     valley = valley_of(full, priors)
     data = one_test_data(
         short_test, priors, solver=SolverOptions(), use_likelihood=False, reference=valley

@@ -48,7 +48,7 @@ from pyburgers.kinds.stan_data import (
     solver_block,
 )
 from pyburgers.model.prior_families import Prior
-from pyburgers.model.priors import PriorSet, load_priors
+from pyburgers.model.priors import PriorSet, default_priors, load_priors
 from pyburgers.sbc.data_sets import calibration_priors, simulate_from_prior
 
 FloatArray = npt.NDArray[np.float64]
@@ -60,17 +60,7 @@ TIGHT = SolverOptions(tolerance=1e-11, max_num_steps=1_000_000)
 SAMPLING, LOOSE = SolverOptions(), SolverOptions(tolerance=1e-6)
 # Whatever the slopes and their origin, the posterior is the same.
 REFERENCE = sheared_reference([-0.7, 2.5, 0.8], [2.7, 0.6, 0.3])
-FREE = (
-    "maxwell_modulus",
-    "kelvin_modulus",
-    "kelvin_viscosity",
-    "stress_exponent",
-    "grain_size_exponent",
-    "activation_enthalpy",
-    "beta",
-    "critical_strain_grain_size",
-    "stress_noise",
-)
+FREE = default_priors("olivine").free
 NARROW_PRIORS = Path(__file__).parents[1] / "data" / "narrow_olivine_priors.toml"
 """Those of Table 2 narrowed about the shipped twin."""
 

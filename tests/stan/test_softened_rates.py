@@ -3,9 +3,9 @@
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
+import conftest
 import numpy as np
 import numpy.typing as npt
 import oracle
@@ -169,8 +169,7 @@ def with_priors(**priors: Prior) -> RateLaw:
     """Law of a curve with other priors, by the names of a curve's parameters."""
     law = rate_law("ice_flow_law")
     own = {f"{name}[creep]": prior for name, prior in priors.items()}
-    changed = MappingProxyType({**law.priors.priors, **own})
-    return replace(law, priors=replace(law.priors, priors=changed))
+    return replace(law, priors=conftest.with_priors(law.priors, own))
 
 
 @pytest.fixture(autouse=True, scope="module")

@@ -54,15 +54,10 @@ def uncertain(source: Path) -> Experiment:
     )
 
 
-def truth_of(experiment: Experiment) -> dict[str, float]:
-    assert experiment.true_parameters is not None
-    return dict(experiment.true_parameters)
-
-
 @pytest.mark.parametrize("source", SOURCES)
 def test_an_error_of_the_temperature_is_another_temperature(source: Path) -> None:
     experiment = load_experiment(source)
-    truth, error = truth_of(experiment), SD[source][0]
+    truth, error = dict(experiment.true_parameters or {}), SD[source][0]
     # The Kelvin viscosity is thermally activated, too.
     truth |= {"kelvin_activation_enthalpy": 3e4, "kelvin_reference_temperature": 300.0}
     at = experiment.position[::7]
@@ -88,7 +83,7 @@ LAWS: Mapping[str, Mapping[str, float]] = {
 def test_a_load_cell_reads_in_proportion(law: str) -> None:
     """Where a law has a stress of its own, too."""
     experiment = load_experiment(ICE / "PIL40.toml")
-    truth, at = {**truth_of(experiment), **LAWS[law]}, experiment.position[::7]
+    truth, at = {**(experiment.true_parameters or {}), **LAWS[law]}, experiment.position[::7]
     found = simulate(experiment, {**truth, CALIBRATION: 0.03}, at=at)
     right = simulate(experiment, truth, at=at)
     right["stress_Pa"] *= 1.03
@@ -103,7 +98,7 @@ def test_a_load_cell_reads_in_proportion(law: str) -> None:
 
 def test_the_bias_of_an_oscillation_is_a_reading_too() -> None:
     experiment = load_forced_oscillation(OLIVINE)
-    truth, at = truth_of(experiment), experiment.position[::7]
+    truth, at = dict(experiment.true_parameters or {}), experiment.position[::7]
     found = simulate(experiment, {**truth, CALIBRATION: 0.03}, at=at)
     expected = simulate(starting_at(experiment, 1 / 1.03), truth, at=at)
     np.testing.assert_allclose(found["stress_Pa"], 1.03 * expected["stress_Pa"], rtol=1e-7)

@@ -18,7 +18,6 @@ BUILD = "\n".join(
         "",
     ]
 )
-"""A makefile."""
 
 
 def release_archive(folder: Path, version: str, makefile: str = BUILD) -> Path:

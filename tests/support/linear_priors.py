@@ -1,6 +1,6 @@
 """Posteriors of linear models whose truths come from their priors: exact draws, many data sets."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from types import MappingProxyType
 
 import numpy as np
@@ -8,6 +8,7 @@ import xarray as xr
 from scipy import stats
 
 from pyburgers.common.array_types import FloatArray
+from pyburgers.model.flow_law_prior import PRIOR_QUANTITIES, Conditions, FlowLawPrior
 from pyburgers.model.parameters import PARAMETER_BY_NAME, PARAMETERS
 from pyburgers.model.prior_families import Prior
 from pyburgers.model.priors import PriorSet
@@ -29,6 +30,12 @@ def uniform(name: str) -> Prior:
 def prior_set(*given: Prior) -> PriorSet:
     """Return priors of some parameters."""
     return PriorSet("ice", "test", MappingProxyType({p.parameter: p for p in given}), "test")
+
+
+def flow_law(mean: Sequence[float], sd: Sequence[float], at: Conditions) -> FlowLawPrior:
+    """Return a flow law of ice whose quantities do not correlate."""
+    covariance = np.diag(np.square(sd))
+    return FlowLawPrior(PRIOR_QUANTITIES, np.array(mean), covariance, at, "ice", "test")
 
 
 def labelled(draws: FloatArray, priors: PriorSet) -> xr.DataTree:

@@ -2,16 +2,16 @@
 
 from collections.abc import Mapping
 
+from independent_table import TRUTHS
+
 from pyburgers.model.parameters import PROGRAM_PARAMETERS
+from pyburgers.model.priors import FLOW_LAW
 
 PHYSICS: Mapping[str, object] = {
     "temperature": 260.0,
     "initial_grain_size": 230e-6,
     "strain_rate": 1.69e-4,
-    "stress_exponent": 3.779,
-    "grain_size_exponent": 0.55,
-    "activation_enthalpy": 62.08e3,
-    "beta": -7.29e-4,
+    **{name: TRUTHS["fast"][name] for name in FLOW_LAW},
     "n_stresses": 0,
     "stress": [],
     "grain_size": 180e-6,

@@ -11,7 +11,7 @@ import pytest
 from conftest import ICE, valley_of, with_fixed, write_problem
 from history_twins import history_twin
 from oracle import GAS_CONSTANT
-from refusals import assert_refused
+from refusals import CommandLine
 from scipy import stats
 from stan_data import one_test_data
 
@@ -254,13 +254,12 @@ def test_a_curve_learns_the_flow_law_from_another_source(source: Path, tmp_path:
 
 
 def test_a_source_that_does_not_suit_is_refused(
-    source: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    source: Path, tmp_path: Path, cli: CommandLine
 ) -> None:
     curve, record = str(ICE / "PIL40.toml"), str(OLIVINE)
 
     def refused(words: str, *arguments: str) -> None:
-        code = main(["fit", *arguments, "--out", str(tmp_path / "run")])
-        assert_refused(code, capsys, words)
+        cli.refused(["fit", *arguments, "--out", tmp_path / "run"], words)
         assert not (tmp_path / "run").exists()
 
     given = ("--priors-from", str(source))

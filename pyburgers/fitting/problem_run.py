@@ -41,7 +41,6 @@ from pyburgers.sampling.manifest import FitManifest, NoisyTolerance
 from pyburgers.sampling.modes import noisy_tolerances
 from pyburgers.sampling.options import INDECISIVE, SamplerOptions
 from pyburgers.sampling.repetitions import (
-    SHORTENING,
     TIGHTENING,
     shorten_steps,
     shortened,
@@ -272,7 +271,7 @@ MAX_SHORTENED = 2
 
 MAX_DIVERGENT_SHARE = 0.1
 """Share of the trajectories that may diverge for shorter steps to be tried; if more do, coordinates
-or priors do not suit the posterior. Half the step has left 11 divergences of 260 in 4000."""
+or priors do not suit the posterior."""
 
 MENDED_BY_DRAWS = frozenset({check_rhat.name, check_effective_sample_size.name})
 """Checks that more draws of the same chains can mend."""
@@ -313,11 +312,11 @@ def put_aside_where_few_diverged(result: SampledFit) -> bool:
     found = check_divergences(result.checked_draws)
     if found.passed:
         return False
-    shorten_steps(result.directory, counts)
+    factor = shorten_steps(result.directory, counts)
     concerned = sum(count > 0 for count in counts.values())
     logger.info(
         f"{found.meaning}. {counted(concerned, 'chain')} of {len(counts)} continue from the last "
-        f"draw with steps {SHORTENING:g} times shorter; the earlier draws are put aside."
+        f"draw with steps {factor:.2g} times shorter; the earlier draws are put aside."
     )
     return True
 

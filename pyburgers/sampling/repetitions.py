@@ -1,5 +1,6 @@
 """Chains that are put aside and sampled again: at a tighter tolerance, or with shorter steps."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,12 +18,8 @@ from pyburgers.sampling.run_directory import RunDirectory
 TIGHTENING = 10.0
 """Factor between the tolerance of a run and of its repetition."""
 
-SHORTENING = 2.0
-"""Factor between the step sizes of a run and of its repetition.
-
-The share of proposals that is not accepted falls with the third power of the step, that of
-trajectories that diverge faster (`docs/coordinates_trials.md`).
-"""
+LEAST_SHORTENING = 2.0
+"""Factor by which steps are shortened at least."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,14 +55,25 @@ def tighten_solver(run: RunDirectory, pareto_k: float) -> float:
     return tight
 
 
-def shorten_steps(run: RunDirectory, divergences: Mapping[int, int]) -> None:
-    """Put chains aside whose trajectories diverged, and have them go on with shorter steps.
+def shortening(divergences: int) -> float:
+    """Return the factor by which steps are shortened after so many divergences.
 
-    `divergences` counts those of each chain. A chain takes its own step or that of the middle
-    chain, whichever is shorter, divided by `SHORTENING`: chains with the longest steps diverge
-    most. `run_chains` with the same inputs then runs the chains, from their last draws. The
-    manifest's list ``shortened`` notes what was put aside, and how many trajectories diverged.
+    Their number falls with the third power of the step or faster (`docs/coordinates_trials.md`):
+    about one is expected afterwards.
     """
+    return max(LEAST_SHORTENING, math.cbrt(divergences))
+
+
+def shorten_steps(run: RunDirectory, divergences: Mapping[int, int]) -> float:
+    """Put chains aside whose trajectories diverged, to go on with steps that are so much shorter.
+
+    Return `shortening`. `divergences` counts those of each chain. A chain takes its own step or
+    that of the middle chain, whichever is shorter, divided by `shortening`: chains with the longest
+    steps diverge most. `run_chains` with the same inputs then runs the chains, from their last
+    draws. The manifest's list ``shortened`` notes what was put aside, and how many trajectories
+    diverged.
+    """
+    factor = shortening(sum(divergences.values()))
     manifest = run.read_manifest()
     before = shortened(manifest)
     own = {chain: adaptation(run, chain).step_size for chain in run.finished_chains()}
@@ -75,9 +83,10 @@ def shorten_steps(run: RunDirectory, divergences: Mapping[int, int]) -> None:
         done = {
             "divergences": sum(divergences.values()),
             "chains": run.supersede_chains(f"longer_steps_{len(before) + 1}", chains),
-            "step_sizes": {str(one): min(own[one], longest) / SHORTENING for one in chains},
+            "step_sizes": {str(one): min(own[one], longest) / factor for one in chains},
         }
         run.update_manifest({"shortened": [*before, done]})
+    return factor
 
 
 def shortened(manifest: dict[str, Any]) -> list[dict[str, Any]]:

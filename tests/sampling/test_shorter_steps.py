@@ -16,7 +16,7 @@ from pyburgers.common.toml_files import read_json
 from pyburgers.fitting.fit import Fit
 from pyburgers.flow_law_tables.fit import RateFit
 from pyburgers.flow_law_tables.fit_rates import fit_rates
-from pyburgers.sampling.repetitions import SHORTENING, adaptation, shorten_steps
+from pyburgers.sampling.repetitions import LEAST_SHORTENING, adaptation, shorten_steps, shortening
 from pyburgers.sampling.run_directory import RunDirectory
 
 FloatArray = npt.NDArray[np.float64]
@@ -69,14 +69,17 @@ def test_chains_that_diverged_are_put_aside_and_the_others_stay(mended: Fit) -> 
     assert f"{done[0]['divergences']}" in check.sentence
 
 
-def test_steps_are_half_of_the_own_or_of_the_middle_one(mended: Fit) -> None:
+def test_steps_of_the_own_or_of_the_middle_chain_are_shortened_as_divergences_ask(
+    mended: Fit,
+) -> None:
     run = mended.directory
     first = mended.manifest["shortened"][0]
     own = [
         adaptation_of(run.path / first["chains"] / f"chain_{chain}" / "draws.csv").step_size
         for chain in (1, 2)
     ]
-    expected = np.minimum(own, np.median(own)) / SHORTENING
+    expected = np.minimum(own, np.median(own)) / shortening(first["divergences"])
+    assert first["divergences"] > LEAST_SHORTENING**3
     np.testing.assert_allclose(list(first["step_sizes"].values()), expected, rtol=1e-12)
     used = mended.posterior["sample_stats"].to_dataset()["step_size"]
     for chain in (1, 2):
@@ -166,7 +169,7 @@ def test_a_step_that_was_short_already_is_shortened_too(mended: Fit, tmp_path: P
     before = adaptation(run, 1)
     shorten_steps(run, {1: 1})
     after = adaptation(run, 1)
-    assert after.step_size <= before.step_size / SHORTENING
+    assert after.step_size <= before.step_size / LEAST_SHORTENING
     np.testing.assert_array_equal(after.metric, before.metric)
 
 

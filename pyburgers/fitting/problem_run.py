@@ -44,6 +44,7 @@ from pyburgers.sampling.repetitions import (
     TIGHTENING,
     shorten_steps,
     shortened,
+    shortening,
     tighten_solver,
 )
 from pyburgers.sampling.run import as_recorded, complete_chains, fingerprint, run_record, way_out
@@ -300,14 +301,20 @@ def put_aside_where_few_diverged(result: SampledFit) -> bool:
 
     They go on with shorter steps. The manifest notes it (`shorten_steps`): the same command samples
     as many draws. Nothing is put aside if no number depends on the divergences
-    (`check_divergences`), chains are missing, more than `MAX_DIVERGENT_SHARE` diverged,
-    or steps were shortened `MAX_SHORTENED` times.
+    (`check_divergences`), chains are missing, more than `MAX_DIVERGENT_SHARE` diverged, shorter
+    steps would be more than a trajectory may have, or were taken `MAX_SHORTENED` times.
     """
     diverging = result.posterior["sample_stats"]["diverging"]
     counts = {int(chain): int(diverging.sel(chain=chain).sum()) for chain in diverging["chain"]}
     divergences = sum(counts.values())
     many = divergences > MAX_DIVERGENT_SHARE * diverging.size
-    if many or len(shortened(result.manifest)) == MAX_SHORTENED or result.missing_chains():
+    steps = float(result.posterior["sample_stats"]["n_steps"].mean()) * shortening(divergences)
+    if (
+        many
+        or steps >= 2**result.checked_draws.max_treedepth
+        or len(shortened(result.manifest)) == MAX_SHORTENED
+        or result.missing_chains()
+    ):
         return False
     found = check_divergences(result.checked_draws)
     if found.passed:

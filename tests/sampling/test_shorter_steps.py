@@ -155,6 +155,13 @@ def test_steps_are_not_shortened_without_end(
     monkeypatch.setattr("pyburgers.fitting.problem_run.MAX_SHORTENED", 1)
     result = again(small_problem, tmp_path / "run")
     assert len(result.manifest["shortened"]) == 1
+    # Trajectories with shorter steps would all be cut.
+    with monkeypatch.context() as patch:
+        patch.setattr(
+            "pyburgers.fitting.problem_run.shortening", lambda _: 2.0**LONG_STEPS.max_treedepth
+        )
+        cut = again(small_problem, tmp_path / "cut")
+    assert cut.manifest["shortened"] == []
     # Many divergences are no matter of the step.
     monkeypatch.undo()
     many = again(small_problem, tmp_path / "many")

@@ -1,14 +1,15 @@
 """Chains that are put aside and sampled again: at a tighter tolerance, or with shorter steps."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from pyburgers.cmdstan.draw_files import Adaptation, adaptation_of
+from pyburgers.cmdstan.draw_files import Adaptation, adaptation_of, read_draws
+from pyburgers.common.array_types import FloatArray
 from pyburgers.common.atomic_files import sha256_of_file, write_json
 from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import read_json_table
@@ -27,8 +28,8 @@ class Resumption:
     """What a chain goes on from, without a warm-up, where one was put aside for its divergences.
 
     `draws_file` is the CSV of the chain that was put aside last, whose last draw is the start;
-    `adapted` has the shorter step, and the metric of the first warm-up; `number` says how often
-    steps were shortened, `seconds` how long the chain has taken until then.
+    `adapted` has the shorter step, and a metric of all draws put aside with it; `number` says how
+    often steps were shortened, `seconds` how long the chain has taken until then.
     """
 
     draws_file: Path
@@ -108,16 +109,33 @@ def resumption(run: RunDirectory, chain: int) -> Resumption | None:
     aside = [one for one in shortened(run.read_manifest()) if str(chain) in one["step_sizes"]]
     if not aside:
         return None
-    folders = [run.path / one["chains"] / f"chain_{chain}" for one in aside]
-    records = [_record_put_aside(folder) for folder in folders]
-    first, last = (folders[k] / "draws.csv" for k in (0, -1))
-    step_size = float(aside[-1]["step_sizes"][str(chain)])
+    last = aside[-1]
+    folders = {one: run.path / last["chains"] / f"chain_{one}" for one in last["step_sizes"]}
+    records = {one: _record_put_aside(folder) for one, folder in folders.items()}
     return Resumption(
-        last,
-        Adaptation(step_size, adaptation_of(first).metric),
+        folders[str(chain)] / "draws.csv",
+        Adaptation(
+            float(last["step_sizes"][str(chain)]),
+            _metric_of([folder / "draws.csv" for folder in folders.values()]),
+        ),
         len(aside),
-        float(records[-1].wall_seconds),
+        float(records[str(chain)].wall_seconds),
     )
+
+
+def _metric_of(files: Sequence[Path]) -> FloatArray:
+    """Return the covariance within chains, shape (n, n), with their metrics as n draws more.
+
+    A chain by itself estimates it from a part of its warm-up.
+    """
+    metric = np.mean([adaptation_of(file).metric for file in files], axis=0)
+    draws = read_draws(files)
+    first = sum(name.endswith("__") for name in draws.variables)
+    places = draws.values[..., first : first + len(metric)]
+    covariance = np.mean([np.atleast_2d(np.cov(chain.T)) for chain in places], axis=0)
+    share = len(metric) / (len(metric) + places.shape[0] * places.shape[1])
+    mixed: FloatArray = share * metric + (1 - share) * covariance
+    return mixed
 
 
 def _record_put_aside(folder: Path) -> ChainRecord:

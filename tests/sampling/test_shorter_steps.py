@@ -169,15 +169,23 @@ def test_steps_are_not_shortened_without_end(
     assert not next(one for one in many.checks() if one.name == "divergences").passed
 
 
-def test_a_step_that_was_short_already_is_shortened_too(mended: Fit, tmp_path: Path) -> None:
-    """Of a run whose steps were shortened before, the metric stays that of the warm-up."""
+def test_the_metric_is_that_of_all_draws_put_aside(mended: Fit, tmp_path: Path) -> None:
+    """Also in a run whose steps were shortened before, for every chain that goes on."""
     mended.save(tmp_path / "run")
     run = RunDirectory(tmp_path / "run")
-    before = adaptation(run, 1)
-    shorten_steps(run, {1: 1})
-    after = adaptation(run, 1)
-    assert after.step_size <= before.step_size / LEAST_SHORTENING
-    np.testing.assert_array_equal(after.metric, before.metric)
+    before = {chain: adaptation(run, chain) for chain in run.finished_chains()}
+    draws = read_draws(run.draws_files())["coordinate"]
+    shorten_steps(run, dict.fromkeys(before, 1))
+    n = draws.shape[-1]
+    own = np.mean([one.metric for one in before.values()], axis=0)
+    covariance = np.mean([np.cov(chain, rowvar=False) for chain in draws], axis=0)
+    n_draws = draws.shape[0] * draws.shape[1]
+    expected = (n * own + n_draws * covariance) / (n + n_draws)
+    for chain, one in before.items():
+        after = adaptation(run, chain)
+        assert after.step_size <= one.step_size / LEAST_SHORTENING
+        np.testing.assert_allclose(after.metric, expected, rtol=1e-3)
+        assert np.linalg.eigvalsh(after.metric).min() > 0
 
 
 def test_a_fit_of_rates_goes_on_too(

@@ -20,6 +20,8 @@ from pyburgers.page.names import alike
 _ESCAPED = str.maketrans({letter: f"\\{letter}" for letter in "&%$#_"} | dict.fromkeys("{}\\~^"))
 """Letters that LaTeX reads as commands: escaped, or left out."""
 
+_NO_BRACES = str.maketrans(dict.fromkeys("{}"))
+
 REFERENCES = r"""@misc{burgers_mcmc,
   author = {Maor and Hansen and Jerolmack and Goldsby},
   title = {Learning the nature of viscoelasticity in geologic materials with {MCMC}}
@@ -138,7 +140,8 @@ def _data_entries(fits: Iterable[SampledFit]) -> Iterator[str]:
         if provenance.kind != "synthetic"
     }
     for number, ((source, doi), kind) in enumerate(found.items(), start=1):
-        doi_text = f"\n  doi = {{{doi.translate(_ESCAPED)}}}," if doi else ""
+        # As it is: reference managers and biblatex make a link of it.
+        doi_text = f"\n  doi = {{{doi.translate(_NO_BRACES)}}}," if doi else ""
         yield (
             f"@misc{{data_{number},\n  title = {{{{{source.translate(_ESCAPED)}}}}},{doi_text}\n"
             f"  note = {{{kind.capitalize()} data}}\n}}"

@@ -71,6 +71,7 @@ def test_references_are_whole_entries_of_data_model_and_software(fit: Fit, tmp_p
     found = entries(text)
     assert [*found] == ["data_1", "burgers_mcmc", "stan", "arviz", "pyburgers"]
     assert r"title = {{Glen \& Nye\_2 50 \%}}" in found["data_1"]
+    assert "doi = {10.1/a_b}" in found["data_1"]
     assert all(content.count("{") == content.count("}") for content in found.values())
     assert ENTRY.sub("", text).strip() == ""
 

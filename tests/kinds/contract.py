@@ -1,6 +1,7 @@
 """What holds for every kind; `tests/support/kind_examples.py` has tests of each."""
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -279,7 +280,9 @@ def test_the_truth_of_a_twin_is_recovered(
     example = EXAMPLES[kind]
     experiment = example.load(name)
     priors = default_priors(experiment.material, experiment.protocol)
-    result = fit(experiment, priors, out=tmp_path / "run", options=example.options)
+    # As many draws as are asked for, also where the machine is slow or busy.
+    options = replace(example.options, max_minutes=60.0)
+    result = fit(experiment, priors, out=tmp_path / "run", options=options)
     assert result.manifest["coordinates"]["system"] == likelihoods()[kind].chart.name
     truth = truth_table(result)
     assert truth is not None

@@ -308,7 +308,8 @@ def put_aside_where_few_diverged(result: SampledFit) -> bool:
     counts = {int(chain): int(diverging.sel(chain=chain).sum()) for chain in diverging["chain"]}
     divergences = sum(counts.values())
     many = divergences > MAX_DIVERGENT_SHARE * diverging.size
-    steps = float(result.posterior["sample_stats"]["n_steps"].mean()) * shortening(divergences)
+    factor = shortening(divergences)
+    steps = factor * float(result.posterior["sample_stats"]["n_steps"].mean())
     if (
         many
         or steps >= 2**result.checked_draws.max_treedepth
@@ -319,7 +320,7 @@ def put_aside_where_few_diverged(result: SampledFit) -> bool:
     found = check_divergences(result.checked_draws)
     if found.passed:
         return False
-    factor = shorten_steps(result.directory, counts)
+    shorten_steps(result.directory, counts)
     concerned = sum(count > 0 for count in counts.values())
     logger.info(
         f"{found.meaning}. {counted(concerned, 'chain')} of {len(counts)} continue from the last "

@@ -65,14 +65,13 @@ def shortening(divergences: int) -> float:
     return max(LEAST_SHORTENING, math.cbrt(divergences))
 
 
-def shorten_steps(run: RunDirectory, divergences: Mapping[int, int]) -> float:
-    """Put chains aside whose trajectories diverged, to go on with steps that are so much shorter.
+def shorten_steps(run: RunDirectory, divergences: Mapping[int, int]) -> None:
+    """Put chains aside whose trajectories diverged, and have them go on with shorter steps.
 
-    Return `shortening`. `divergences` counts those of each chain. A chain takes its own step or
-    that of the middle chain, whichever is shorter, divided by `shortening`: chains with the longest
-    steps diverge most. `run_chains` with the same inputs then runs the chains, from their last
-    draws. The manifest's list ``shortened`` notes what was put aside, and how many trajectories
-    diverged.
+    `divergences` counts those of each chain. A chain takes its own step or that of the middle
+    chain, whichever is shorter, divided by `shortening`: chains with the longest steps diverge
+    most. `run_chains` with the same inputs then runs the chains, from their last draws. The
+    manifest's list ``shortened`` notes what was put aside, and how many trajectories diverged.
     """
     factor = shortening(sum(divergences.values()))
     manifest = run.read_manifest()
@@ -87,7 +86,6 @@ def shorten_steps(run: RunDirectory, divergences: Mapping[int, int]) -> float:
             "step_sizes": {str(one): min(own[one], longest) / factor for one in chains},
         }
         run.update_manifest({"shortened": [*before, done]})
-    return factor
 
 
 def shortened(manifest: dict[str, Any]) -> list[dict[str, Any]]:

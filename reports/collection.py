@@ -268,8 +268,7 @@ def tests_section(contests: Sequence[Contest]) -> PageSection:
             "licence": [origin.licence or "not stated" for origin in origins],
         }
     )
-    columns = ("test", "material", "law", "source", "doi", "licence")
-    shown = {name: table[name].tolist() for name in columns}
+    shown = {name: table[name].tolist() for name in ("test", "law", "source", "doi", "licence")}
     answers = shown_verdicts(table)
     return PageSection(
         key="tests",
@@ -286,9 +285,9 @@ def tests_section(contests: Sequence[Contest]) -> PageSection:
             PageTable(
                 "tests",
                 "Tests",
-                pd.DataFrame(shown | answers)[[*columns[:3], *answers, *columns[3:]]],
+                pd.DataFrame(shown | answers)[["test", "law", *answers, *list(shown)[2:]]],
                 table,
-                words=("test", "material", "law", *answers, "doi", "licence"),
+                words=("test", "law", *answers, "doi", "licence"),
                 sentences=("source",),
                 bad=bad_verdicts(table),
             ),

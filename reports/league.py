@@ -18,6 +18,7 @@ from common import (
     shown_differences,
     shown_verdicts,
 )
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
@@ -287,35 +288,50 @@ def _text(values: "pd.Series[float]", form: str) -> list[str]:
 
 
 def draw_league(table: pd.DataFrame) -> Figure:
-    """Draw a dot for each test and law, coloured by the second verdict."""
-    tests, laws = (list(dict.fromkeys(table[name])) for name in ("test", "law"))
+    """Draw a dot for each test and law, coloured by the second verdict.
+
+    Tests with the same laws share a panel.
+    """
+    panels: dict[frozenset[str], list[str]] = {}
+    for test, rows in table.groupby("test", sort=False):
+        panels.setdefault(frozenset(rows["law"]), []).append(str(test))
+    sizes = [len(tests) for tests in panels.values()]
     with pyburgers.style():
-        figure = Figure(figsize=(0.9 * len(laws) + 2.2, 0.5 * len(tests) + 2.0))
+        figure = Figure(figsize=(7.5, 0.6 * sum(sizes) + 0.7 * len(sizes) + 0.6))
         figure.set_layout_engine("constrained")
-        axes = figure.subplots()
-        for row in table.to_dict("records"):
-            place = laws.index(row["law"]), tests.index(row["test"])
-            colour, _ = COLOURS[row["describes_data"]]
-            filled = row["sampled_well"] == "yes"
-            axes.plot(*place, "o", ms=11, mec=colour, mfc=colour if filled else "none", mew=1.6)
-            if row["elpd_difference"] > 0:
-                axes.annotate(
-                    f"{row['elpd_difference']:.0f}",
-                    place,
-                    (0, -13),
-                    textcoords="offset points",
-                    ha="center",
-                    fontsize=7,
-                )
-        axes.set_xticks(range(len(laws)), [law.replace("_", "\n") for law in laws], fontsize=8)
-        axes.set_yticks(range(len(tests)), tests)
-        axes.set_xlim(-0.6, len(laws) - 0.4)
-        axes.set_ylim(len(tests) - 0.4, -0.6)
-        axes.grid(color=GREY, linewidth=0.4)
-        axes.set_axisbelow(True)
+        grid = figure.subplots(
+            len(sizes), squeeze=False, height_ratios=[size + 0.6 for size in sizes]
+        )
+        for axes, tests in zip(grid.flat, panels.values(), strict=True):
+            _draw_panel(axes, table[table["test"].isin(tests)])
         dots = [
             Line2D([], [], ls="", marker="o", color=colour, label=words)
             for colour, words in COLOURS.values()
         ]
         figure.legend(handles=dots, ncols=len(dots), loc="outside upper center")
     return figure
+
+
+def _draw_panel(axes: Axes, table: pd.DataFrame) -> None:
+    """Draw tests that were fitted with the same laws, and elpd below the best law of each test."""
+    tests, laws = (list(dict.fromkeys(table[name])) for name in ("test", "law"))
+    for row in table.to_dict("records"):
+        place = laws.index(row["law"]), tests.index(row["test"])
+        colour, _ = COLOURS[row["describes_data"]]
+        filled = row["sampled_well"] == "yes"
+        axes.plot(*place, "o", ms=11, mec=colour, mfc=colour if filled else "none", mew=1.6)
+        if row["elpd_difference"] > 0:
+            axes.annotate(
+                f"{row['elpd_difference']:.0f}",
+                place,
+                (10, 0),
+                textcoords="offset points",
+                va="center",
+                fontsize=9,
+            )
+    axes.set_xticks(range(len(laws)), [law.replace("_", "\n") for law in laws])
+    axes.set_yticks(range(len(tests)), tests)
+    axes.set_xlim(-0.6, len(laws) - 0.4)
+    axes.set_ylim(len(tests) - 0.4, -0.6)
+    axes.grid(color=GREY, linewidth=0.4)
+    axes.set_axisbelow(True)

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from collection import (
     BEFORE,
@@ -38,7 +39,6 @@ from pyburgers import Fit, InputError, SamplingError, Task
 from pyburgers.checks.fit_checks import CheckKind, Outcome
 from pyburgers.checks.verdicts import Verdict
 from pyburgers.cmdstan.toolchain import stan_directory
-from pyburgers.drawing.style import image
 from pyburgers.fitting.sampled_fit import SampledFit
 from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment
@@ -234,8 +234,24 @@ def test_the_league_has_a_row_for_each_law_and_a_figure(fits: dict[str, Fit]) ->
         assert isinstance(row["misfit"], str)
         seconds = [chain["wall_seconds"] for chain in fit.manifest["chains"].values()]
         assert row["chain_minutes"] == pytest.approx(sum(seconds) / 60)
-    assert image(draw_league(table), "png").startswith(b"\x89PNG")
     assert last_part_sentence(table).startswith("No fit without the last part of its test")
+
+
+def test_tests_with_the_same_laws_share_a_panel_of_the_figure(fits: dict[str, Fit]) -> None:
+    own = league_table([Contest.of("dunite_4506", fits, {}, None)])
+    fewer = own.assign(test="halite_z3").iloc[:1]
+    figure = draw_league(pd.concat([own, own.assign(test="dunite_4581"), fewer]))
+    found = [
+        [
+            [label.get_text() for label in axis.get_ticklabels()]
+            for axis in (panel.yaxis, panel.xaxis)
+        ]
+        for panel in figure.axes
+    ]
+    assert found == [
+        [["dunite_4506", "dunite_4581"], list(own["law"])],
+        [["halite_z3"], [own["law"][0]]],
+    ]
 
 
 def test_the_last_part_is_scored_by_what_its_draws_expect(

@@ -365,7 +365,7 @@ def fit(
     out : path, optional
         Run directory. An earlier run with the same inputs there is continued: only missing
         chains are run. Default: a temporary folder, which is removed with the fit (`Fit.save`
-        keeps it).
+        keeps it). A pickled copy has no folder then.
     pool : mapping of str to str, optional
         How parameters of several tests are pooled, if not by default
         (`pyburgers.kinds.together.pooling_for`).

@@ -6,7 +6,7 @@ import weakref
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
@@ -73,6 +73,10 @@ class SampledFit(ABC):
     directory: RunDirectory
     posterior: xr.DataTree
     manifest: dict[str, Any]
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return the fields: the rest is made again, and pickles take no functions of checks."""
+        return {field.name: getattr(self, field.name) for field in fields(self)}
 
     @property
     @abstractmethod

@@ -2,12 +2,13 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from numbers import Integral
 from pathlib import Path
 from typing import Annotated
 
 from pydantic import Field
 
-from pyburgers.common.errors import InputError
+from pyburgers.common.errors import InputError, require_type
 from pyburgers.common.paths import given_path
 from pyburgers.common.toml_files import NAME, Table, read_toml
 from pyburgers.kinds.experiment import Experiment
@@ -18,12 +19,14 @@ UNCERTAINTIES = {"stress_uncertainty_MPa": 1e6, "strain_uncertainty": 1.0}
 """Keys of a plan that state the noise of a new reading, and their unit in SI."""
 
 READINGS = 40
-"""Readings of a candidate by default, evenly spaced along its clock."""
+"""Readings of a quantity by default."""
 
 
 class _CandidateTable(Table):
     file: str = Field(description="an experiment file; it may be without [data]")
-    readings: int = Field(READINGS, ge=1, le=200, description="how many readings, 1 to 200")
+    readings: int = Field(
+        READINGS, ge=1, le=200, description="how many readings of each quantity, 1 to 200"
+    )
     hours: float | None = Field(None, gt=0, description="cost of the test in hours")
     stress_uncertainty_MPa: float | None = Field(  # noqa: N815 - keys with units
         None, gt=0, description="standard deviation of a new reading of stress"
@@ -55,7 +58,8 @@ class Candidate:
     experiment : Experiment
         The test; its data, if there are any, are not used.
     n_readings : int
-        Number of readings, evenly spaced along its clock.
+        Number of readings of each quantity, at least 1, spread over the places of `Fit.predict`:
+        denser after each change of rate or load, even in oscillations and spectra.
     hours : float, optional
         Cost of the test.
 
@@ -68,6 +72,12 @@ class Candidate:
     experiment: Experiment
     n_readings: int = READINGS
     hours: float | None = None
+
+    def __post_init__(self) -> None:
+        """Check the number of readings."""
+        require_type("n_readings", self.n_readings, Integral, "a whole number")
+        if self.n_readings < 1:
+            raise InputError(f"n_readings: found {self.n_readings}, expected at least 1.")
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,6 +9,8 @@ the new sample shares flow law and moduli with the fitted one, and has a microst
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from numbers import Integral
+from types import NoneType
 
 import numpy as np
 import pandas as pd
@@ -16,10 +18,11 @@ from scipy import linalg
 
 from pyburgers.common.array_types import IntArray
 from pyburgers.common.draws import FloatArray, all_draws
-from pyburgers.common.errors import InputError
+from pyburgers.common.errors import InputError, one_or_several, require_type
 from pyburgers.comparison.same_data import check_same_data
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.prediction import Prediction
+from pyburgers.fitting.sampled_fit import A_FIT
 from pyburgers.kinds.conditions import conditions_of, doubts, hours_of
 from pyburgers.predictions.design_plans import UNCERTAINTIES, Candidate, DesignPlan
 from pyburgers.predictions.other_tests import answers, draws_of
@@ -120,8 +123,7 @@ def design(
     >>> bool(found.table["maxwell_modulus_width"]["again"] < 1)
     True
     """
-    if not plan.candidates:
-        raise InputError("candidates: found none, expected at least one, as pyburgers.Candidate.")
+    _check_types(fit, plan, against, {"draws": draws, "choose": choose, "seed": seed})
     _check(fit, plan.about, draws)
     most = LIMITS["seed"][1] - 2 * len(plan.candidates)
     if not 0 <= seed <= most:
@@ -173,6 +175,19 @@ def design(
     )
 
 
+def _check_types(
+    fit: Fit, plan: DesignPlan, against: Fit | None, numbers: Mapping[str, int]
+) -> None:
+    """Refuse arguments of another type, and a plan without candidates."""
+    require_type("fit", fit, Fit, A_FIT)
+    require_type("plan", plan, DesignPlan, "a plan, as of pyburgers.load_design_plan")
+    require_type("against", against, (Fit, NoneType), A_FIT)
+    for name, number in numbers.items():
+        require_type(name, number, Integral, "a whole number")
+    candidate = "at least one, as pyburgers.Candidate"
+    one_or_several("candidates", [*plan.candidates.values()], Candidate, candidate)
+
+
 def _check_other_law(fit: Fit, against: Fit) -> None:
     """Refuse a fit from which the other cannot be told apart by its law alone."""
     first, second = (one.directory.path for one in (fit, against))
@@ -196,6 +211,13 @@ def _cautions_of_plan(plan: DesignPlan, predictions: Mapping[str, Prediction]) -
             if stated and not np.allclose(drawn[noise], stated):
                 found.append(
                     f"{name}: {key} is not used, because new readings have the noise of the fit."
+                )
+        for answer in answers(predictions[name]):
+            n_places = len(_places(draws_of(predictions[name], answer)[1]))
+            if n_places < candidate.n_readings:
+                found.append(
+                    f"{name}: readings is {candidate.n_readings}, but {answer.shown.name} is "
+                    f"solved at {n_places} places, which are all read."
                 )
         lasts = hours_of(test)
         if candidate.hours is not None and candidate.hours < ROUNDED_HOURS * lasts:
@@ -246,16 +268,21 @@ def _common_draws(predictions: Sequence[Prediction]) -> IntArray:
 
 
 def _readings(prediction: Prediction, n: int, kept: IntArray) -> tuple[FloatArray, FloatArray]:
-    """Solutions and new readings for `kept` draws, each (n_kept, at most `n` readings)."""
+    """Solutions and new readings for `kept` draws, each (n_kept, at most `n` a quantity)."""
     at = np.isin(prediction.posterior["posterior"]["fit_draw"].to_numpy(), kept)
     signals, readings = [], []
     for answer in answers(prediction):
         solved, new = draws_of(prediction, answer)
-        places = np.flatnonzero(np.isfinite(new).all(axis=0))
+        places = _places(new)
         places = places[places_read(len(places), n)]
         signals.append(solved[at][:, places])
         readings.append(new[at][:, places])
     return np.hstack(signals), np.hstack(readings)
+
+
+def _places(new: FloatArray) -> IntArray:
+    """Places at which all draws of new readings (n_draws, n) have one."""
+    return np.flatnonzero(np.isfinite(new).all(axis=0))
 
 
 def places_read(number: int, n: int) -> IntArray:

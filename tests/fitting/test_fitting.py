@@ -2,6 +2,7 @@
 
 import json
 import logging
+import pickle
 import shutil
 import time
 from collections.abc import Iterator
@@ -362,6 +363,13 @@ def test_a_summary_is_in_display_units_unless_si_is_asked_for(small_fit: Fit) ->
 def test_other_units_of_a_summary_are_refused(units: Any, small_fit: Fit) -> None:
     with pytest.raises(InputError, match=f"units is {units!r}, expected 'display' or 'SI'"):
         small_fit.summary(units)
+
+
+def test_a_checked_fit_travels_between_processes(small_fit: Fit) -> None:
+    found = small_fit.verdicts()
+    again = pickle.loads(pickle.dumps(small_fit))
+    assert again.verdicts() == found
+    assert again.summary().equals(small_fit.summary())
 
 
 def test_a_fit_is_shown_in_a_line(small_fit: Fit, joint: Fit) -> None:

@@ -58,8 +58,8 @@ class Candidate:
     experiment : Experiment
         The test; its data, if there are any, are not used.
     n_readings : int
-        Number of readings of each quantity, at least 1, spread over the places of `Fit.predict`:
-        denser after each change of rate or load, even in oscillations and spectra.
+        Number of readings of each quantity. Their places are some of those of `Fit.predict`,
+        which are denser after each change of rate or load.
     hours : float, optional
         Cost of the test.
 

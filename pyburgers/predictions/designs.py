@@ -18,7 +18,7 @@ from scipy import linalg
 
 from pyburgers.common.array_types import IntArray
 from pyburgers.common.draws import FloatArray, all_draws
-from pyburgers.common.errors import InputError, one_or_several, require_type
+from pyburgers.common.errors import InputError, require_type
 from pyburgers.comparison.same_data import check_same_data
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.prediction import Prediction
@@ -184,8 +184,10 @@ def _check_types(
     require_type("against", against, (Fit, NoneType), A_FIT)
     for name, number in numbers.items():
         require_type(name, number, Integral, "a whole number")
-    candidate = "at least one, as pyburgers.Candidate"
-    one_or_several("candidates", [*plan.candidates.values()], Candidate, candidate)
+    if not plan.candidates:
+        raise InputError("candidates: found none, expected at least one, as pyburgers.Candidate.")
+    for name, one in plan.candidates.items():
+        require_type(f"candidates: {name}", one, Candidate, "a pyburgers.Candidate")
 
 
 def _check_other_law(fit: Fit, against: Fit) -> None:

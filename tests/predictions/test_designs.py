@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -138,6 +139,25 @@ def test_designs_that_cannot_be_judged_are_refused(small_fit: Fit, separate_join
         design(separate_joint, plan)
     with pytest.raises(InputError, match="found 20, expected at least 200"):
         design(small_fit, plan, draws=20)
+    bare: Any = plan.candidates["again"].experiment
+    refused: list[tuple[str, Any, Any, dict[str, Any]]] = [
+        ("fit: found '.*', expected a fit", str(small_fit.directory.path), plan, {}),
+        ("plan: found PosixPath, expected a plan", small_fit, PLAN, {}),
+        (
+            "again: found .*, expected a pyburgers",
+            small_fit,
+            replace(plan, candidates={"again": bare}),
+            {},
+        ),
+        ("against: found PosixPath, expected a fit", small_fit, plan, {"against": PLAN}),
+        ("draws: found '400', expected a whole number", small_fit, plan, {"draws": "400"}),
+    ]
+    for said, fit, of, others in refused:
+        with pytest.raises(InputError, match=said):
+            design(fit, of, **others)
+    for n_readings, said in ((0, "found 0, expected at least 1"), (1.5, "a whole number")):
+        with pytest.raises(InputError, match=f"n_readings: .*{said}"):
+            Candidate(bare, n_readings=n_readings)  # type: ignore[arg-type]
     for seed in (-1, 2**31 - 6):
         with pytest.raises(InputError, match=rf"seed is {seed}, expected .* to 2147483641"):
             design(small_fit, plan, seed=seed)
@@ -153,13 +173,14 @@ def test_a_plan_is_doubted_where_it_does_not_go_with_its_tests(small_fit: Fit) -
     plan = plan_for(small_fit)
     test = of_kind(plan.candidates["again"].experiment, ConstantRateExperiment)
     lasts = hours_of(test)
-    again = Candidate(replace(test, stress_uncertainty=5e6), 9, hours=lasts / 2)
+    again = Candidate(replace(test, stress_uncertainty=5e6), 100, hours=lasts / 2)
     plan = replace(plan, candidates={"again": again}, most_hours=0.9 * lasts)
     found = design(small_fit, plan, draws=200)
     assert found.table.loc["again", "beyond_limits"] == f"longer than {0.9 * lasts:.3g} h"
-    assert found.cautions[:2] == (
+    assert found.cautions[:3] == (
         "again: stress_uncertainty_MPa is not used, because new readings have the noise of the "
         "fit.",
+        "again: readings is 100, but stress is solved at 59 places, which are all read.",
         f"again: hours is {lasts / 2:.3g}, but the test lasts {lasts:.3g} h.",
     )
 

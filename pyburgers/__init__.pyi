@@ -10,6 +10,7 @@ from .common.tasks import Workers as Workers
 from .common.units import rounded as rounded
 from .comparison.by_points import compare as compare
 from .comparison.by_tests import compare_by_test as compare_by_test
+from .comparison.conclusions import comparison_table as comparison_table
 from .comparison.marginal_likelihood import log_marginal_likelihood as log_marginal_likelihood
 from .comparison.results import Comparison as Comparison
 from .comparison.results import ComparisonByTest as ComparisonByTest

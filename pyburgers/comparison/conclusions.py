@@ -116,10 +116,26 @@ def _numbered(flags: BoolArray) -> str:
 
 
 def comparison_table(comparison: Comparison) -> pd.DataFrame:
-    """Return the numbers of a comparison, a row for each fit, the best first.
+    """Return the numbers of a comparison, as `pyburgers compare` prints them.
 
-    `high_k` counts points with a Pareto k above 0.7, `left_out` those of them that were fitted
-    without.
+    Parameters
+    ----------
+    comparison : Comparison
+        Of `pyburgers.compare`.
+
+    Returns
+    -------
+    DataFrame
+        A row for each fit, the best first: ``variant``, ``elpd`` and its standard error ``se``,
+        ``difference`` from the best and ``difference_se``, ``weight``, ``n_effective``. ``high_k``
+        counts points with a Pareto k above 0.7, ``left_out`` those of them that were fitted
+        without.
+
+    Examples
+    --------
+    >>> table = pyburgers.comparison_table(pyburgers.compare({"one": fit, "same": fit}))
+    >>> float(table.loc["same", "difference"])
+    0.0
     """
     best = next(iter(comparison.results.values()))
     rows = {}

@@ -46,33 +46,35 @@ class PageFigure:
 class FigureRecipe:
     """A figure of the fits of a kind, with its caption, or what returns it for a fit.
 
+    `draw`, `result`: they take a fit and, if it shows only a part of a posterior, the part.
     `suits`: whether the section of a fit holds it; else it is drawn where it is asked for.
     """
 
     name: str
     title: str
     caption: str | Callable[[FittedTest], str]
-    draw: Callable[[FittedTest], Figure]
-    result: Callable[[FittedTest], str]
+    draw: Callable[..., Figure]
+    result: Callable[..., str]
     suits: Callable[[FittedTest], bool] = lambda _: True
 
-    def __call__(self, fit: FittedTest) -> Figure:
+    def __call__(self, fit: FittedTest, *part: object) -> Figure:
         """Draw the figure."""
-        return self.draw(fit)
+        return self.draw(fit, *part)
 
-    def of(self, fit: FittedTest) -> PageFigure:
-        """Return the figure of a fit."""
+    def of(self, fit: FittedTest, *part: object) -> PageFigure:
+        """Return the figure of a fit, or of a part of its posterior."""
         caption = self.caption if isinstance(self.caption, str) else self.caption(fit)
-        return PageFigure(self.name, self.title, caption, partial(self.draw, fit), self.result(fit))
+        draw, result = partial(self.draw, fit, *part), self.result(fit, *part)
+        return PageFigure(self.name, self.title, caption, draw, result)
 
 
 def recipe(
     name: str,
     title: str,
     caption: str | Callable[[FittedTest], str],
-    result: Callable[[FittedTest], str],
+    result: Callable[..., str],
     **suits: Callable[[FittedTest], bool],
-) -> Callable[[Callable[[FittedTest], Figure]], FigureRecipe]:
+) -> Callable[[Callable[..., Figure]], FigureRecipe]:
     """Make a `FigureRecipe` of the function below, which draws the figure of a fit."""
     return lambda draw: FigureRecipe(name, title, caption, draw, result, **suits)
 

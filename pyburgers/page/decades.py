@@ -1,5 +1,6 @@
 """What panels show of a quantity: one that spans decades by its logarithm."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
@@ -13,7 +14,7 @@ from pyburgers.kinds.stan_data import REFERENCE_FLOW_RATE
 from pyburgers.model.display import shown_quantity
 from pyburgers.model.parameters import Parameter
 from pyburgers.model.prior_families import Prior
-from pyburgers.posterior.labelled_draws import width_beside_prior
+from pyburgers.posterior.labelled_draws import free_parameters, width_beside_prior
 
 DECADES = 1.0
 """Decades between the ends of the central 90 % of draws from which the logarithm may be shown."""
@@ -121,3 +122,19 @@ def shown_draws(fit: FittedTest, name: str) -> ShownDraws:
         None if prior is None else PriorOfLogarithm(prior),
         float(np.log10(truth)) if truth else None,  # 0 lies beyond any panel
     )
+
+
+@dataclass(frozen=True)
+class Panels:
+    """Quantities `names` that figures show below a title; those `beside` are in trade-offs only."""
+
+    title: str
+    names: tuple[str, ...]
+    beside: tuple[str, ...] = ()
+
+
+def panels_of(fit: FittedTest, elsewhere: Sequence[str] = ()) -> Panels:
+    """Return the panels of a fit whose quantities `elsewhere` have figures of their own."""
+    sampled = free_parameters(fit.posterior)
+    own = tuple(name for name in sampled if name not in elsewhere)
+    return Panels(fit.experiment.title, own, tuple(name for name in sampled if name in elsewhere))

@@ -1,6 +1,6 @@
 """What a page says about a fit, and about fits of the same data, which share a section."""
 
-from collections.abc import Hashable, Iterable
+from collections.abc import Hashable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -95,8 +95,13 @@ class Section:
         return methods_text(self.fit, self.entry.checks, self.entry.verdicts)
 
 
-def write_section(key: str, name: str, fit: Fit, out: Path) -> Section:
-    """Write the tables of one fit, draw its figures, and gather what the page shows of it."""
+def write_section(
+    key: str, name: str, fit: Fit, out: Path, *, elsewhere: Sequence[str] = ()
+) -> Section:
+    """Write the tables of one fit, and gather what the page shows of it.
+
+    Figures leave out panels of parameters that are `elsewhere` on the page.
+    """
     summary, checks = fit.summary("SI"), fit.checks()
     truth = tables.truth_table(fit)
     files = {
@@ -129,7 +134,7 @@ def write_section(key: str, name: str, fit: Fit, out: Path) -> Section:
         ),
         truth=truth,
         more_tables=more_tables,
-        illustrations=illustrate(figures_for(fit), out, key, name),
+        illustrations=illustrate(figures_for(fit, elsewhere), out, key, name),
     )
 
 

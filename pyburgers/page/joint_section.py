@@ -1,6 +1,7 @@
 """The part of a page about a joint fit: its parameters test by test, and what pooling bought."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -23,9 +24,10 @@ from pyburgers.fitting.fit import Fit
 from pyburgers.kinds.stan_data import CENTRE, SPREAD
 from pyburgers.model.display import axis_label, shown_quantity, symbol_text
 from pyburgers.page import tables
-from pyburgers.page.decades import spans_decades
+from pyburgers.page.decades import Panels, spans_decades
 from pyburgers.page.names import joint_key, page_keys, page_names
 from pyburgers.page.overview import joint_entry
+from pyburgers.page.posterior_figures import posterior_figures
 from pyburgers.posterior.labelled_draws import own_name
 
 
@@ -185,7 +187,8 @@ def joint_section(key: str, name: str, joint: Fit, separate: Sequence[Fit]) -> P
             "partially pooled one has a value in each, normal around a common centre on the real "
             "line behind its bounds, with a spread of half-normal prior; separate ones know "
             "nothing of each other. The sections of the tests hold what the joint fit says about "
-            "each; their priors of partially pooled parameters are those of the common centre.",
+            "each; their priors of partially pooled parameters are those of the common centre. "
+            "Figures of shared parameters stand here once; those of a test show its own.",
         ),
         tables=(
             PageTable(
@@ -225,6 +228,7 @@ def joint_section(key: str, name: str, joint: Fit, separate: Sequence[Fit]) -> P
                 partial(intervals, joint, separate),
                 " ".join((*_bought(table), *alarms)),
             ),
+            *shared_figures(joint),
             *views()[joint.problem.likelihood.name].joint_figures(
                 [
                     one
@@ -234,6 +238,16 @@ def joint_section(key: str, name: str, joint: Fit, separate: Sequence[Fit]) -> P
             ),
         ),
         alarms=tuple(f"{name}: {alarm}" for alarm in alarms),
+    )
+
+
+def shared_figures(joint: Fit) -> tuple[PageFigure, ...]:
+    """Return figures of the posterior of the shared parameters, whose draws all tests have."""
+    tests = [*joint.tests().values()]
+    shown = Panels(f"shared parameters of {len(tests)} tests", joint.problem.shared)
+    return tuple(
+        replace(one, title=f"{one.title}, shared parameters")
+        for one in posterior_figures(tests[0], shown)
     )
 
 

@@ -118,7 +118,7 @@ def write_report(
     manifest = report_manifest(list(zip(keys, all_fits, strict=True)), title, command)
     write_json(out / "manifest.json", manifest)
     own.sort(key=lambda one: one[2].provenance.kind == "synthetic")
-    groups = _write_groups(by_data(own), out)
+    groups = _write_groups(by_data(own), out, joints)
     sections = [section for group in groups for section in group.sections]
     illustrated = []
     for extra in extras:
@@ -266,15 +266,18 @@ def page_about(
     )
 
 
-def _write_groups(groups: Sequence[Sequence[tuple[str, str, Fit]]], out: Path) -> list[SameData]:
-    """Write the tables of all fits, draw their figures, and gather what the page shows of them."""
+def _write_groups(
+    groups: Sequence[Sequence[tuple[str, str, Fit]]], out: Path, joints: Sequence[Fit]
+) -> list[SameData]:
+    """Write the tables of all fits, and gather what the page shows of them."""
     told: list[Section] = []
     found = []
     for group in groups:
         sections = []
         for key, name, fit in group:
             logger.info(f"Writing the section of {name}.")
-            section = write_section(key, name, fit, out)
+            shared = next((one.problem.shared for one in joints if one is fit.whole), ())
+            section = write_section(key, name, fit, out, elsewhere=shared)
             same = next((one for one in told if one.about_data == section.about_data), None)
             sections.append(replace(section, same_data_as=same))
             told.append(sections[-1])

@@ -12,11 +12,10 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from scipy import ndimage, stats
 
-from pyburgers.common.draws import FloatArray, all_draws, evenly_spaced
+from pyburgers.common.draws import FloatArray
 from pyburgers.common.errors import InputError, nearest
 from pyburgers.common.units import number
 from pyburgers.drawing.page_parts import PageFigure, recipe
-from pyburgers.drawing.panels import figure_of
 from pyburgers.drawing.style import (
     BLACK,
     BLUE,
@@ -30,45 +29,19 @@ from pyburgers.drawing.style import (
     style,
 )
 from pyburgers.drawing.view import view_of
-from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.kind import FittedTest
-from pyburgers.kinds.stan_data import REFERENCE_FLOW_RATE, REFERENCE_STRESS
 from pyburgers.model.display import axis_label, shown_quantity, unit_text
 from pyburgers.model.parameters import Parameter
 from pyburgers.model.prior_families import Prior
-from pyburgers.page.decades import PriorOfLogarithm, ShownDraws, shown_draws
-from pyburgers.posterior.labelled_draws import convergence_table, free_parameters
+from pyburgers.page.decades import Panels, PriorOfLogarithm, ShownDraws, panels_of, shown_draws
+from pyburgers.page.trade_offs import paired, pairs
+from pyburgers.posterior.labelled_draws import convergence_table
 
 CHAIN_COLOURS = (BLUE, ORANGE, GREEN, PURPLE, SKY_BLUE, VERMILION)
 CHAIN_DASHES = ("-", "-.", ":")
 
-TRUE_VALUE: dict[str, Any] = {
-    "marker": "X",
-    "markersize": 7,
-    "color": BLACK,
-    "markeredgecolor": "white",
-    "markeredgewidth": 0.8,
-}
-
 PANEL_TITLE_WIDTH = 30
 """Characters of a title that fit above one panel of a grid."""
-
-PAIRED_DRAWS = 1000
-PAIRED_QUANTITIES = (
-    "stress_exponent",
-    "grain_size_exponent",
-    REFERENCE_STRESS,
-    REFERENCE_FLOW_RATE,
-    "activation_enthalpy",
-    "maxwell_modulus",
-    "kelvin_modulus",
-    "kelvin_viscosity",
-    "steady_state_grain_size",
-    "steady_state_fabric_factor",
-    "critical_strain_grain_size",
-    "critical_strain_fabric",
-)
-"""Quantities whose trade-offs are worth a panel."""
 
 DENSITY_POINTS, PRIOR_POINTS = 128, 100
 """Positions at which the densities of posterior and prior are drawn."""
@@ -80,9 +53,12 @@ NARROW = 0.12
 """Share of the prior's range below which a posterior gets limits of its own."""
 
 
-def narrowed(fit: FittedTest) -> str:
+def narrowed(fit: FittedTest, shown: Panels | None = None) -> str:
     """Say which quantity is narrowest beside its prior, and which is widest."""
-    share = {name: shown_draws(fit, name).width_beside_prior for name in fit.priors.free}
+    names = [name for name in fit.priors.free if name in (shown or panels_of(fit)).names]
+    if not names:
+        return ""
+    share = {name: shown_draws(fit, name).width_beside_prior for name in names}
     least, most = min(share, key=share.__getitem__), max(share, key=share.__getitem__)
     return (
         f"{shown_quantity(least).label} is narrowest beside its prior ({share[least]:.0%} of its "
@@ -90,26 +66,13 @@ def narrowed(fit: FittedTest) -> str:
     )
 
 
-def strongest_trade_off(fit: FittedTest) -> str:
-    """Name the two quantities that go together most closely."""
-    draws = fit.posterior["posterior"].to_dataset()
-    names = free_parameters(fit.posterior)
-    ranks = np.array([stats.rankdata(all_draws(draws[name])) for name in names])
-    divergent = int(fit.posterior["sample_stats"].to_dataset()["diverging"].sum())
-    said = f"{divergent} divergent draws."
-    if len(names) < 2:
-        return said
-    correlation = np.triu(np.corrcoef(ranks), 1)
-    one, other = divmod(int(np.abs(correlation).argmax()), len(names))
-    labels = " and ".join(shown_quantity(names[k]).label for k in (one, other))
-    return f"{labels} go together most, rank correlation {correlation[one, other]:+.2f}; {said}"
-
-
-def agreement(fit: FittedTest) -> str:
+def agreement(fit: FittedTest, shown: Panels | None = None) -> str:
     """Say how far chains agree."""
     if fit.posterior["posterior"].sizes["chain"] == 1:
         return "one chain, with none to compare it with."
     rhat = convergence_table(fit.posterior)["rhat"].fillna(np.inf)
+    if shown is not None:
+        rhat = rhat[list(shown.names)]
     return f"largest R-hat {rhat.max():.3f}, of {rhat.idxmax()}."
 
 
@@ -126,17 +89,17 @@ def agreement(fit: FittedTest) -> str:
     "quantity that spans decades is shown by its logarithm.",
     narrowed,
 )
-def prior_posterior(fit: FittedTest) -> Figure:
+def prior_posterior(fit: FittedTest, shown: Panels | None = None) -> Figure:
     """Draw prior and posterior densities, chain by chain, a panel for each sampled quantity."""
-    names = free_parameters(fit.posterior)
+    shown = shown or panels_of(fit)
     with style():
-        figure, panels = _panel_grid(len(names))
-        for axes, name in zip(panels, names, strict=True):
+        figure, panels = _panel_grid(len(shown.names))
+        for axes, name in zip(panels, shown.names, strict=True):
             _draw_densities(axes, shown_draws(fit, name))
         handles: list[Patch | Line2D] = [Patch(color=GREY, label="prior"), *_chain_handles(fit)]
         if fit.experiment.true_parameters:
             handles.append(Line2D([], [], color=BLACK, linestyle="--", label="true value"))
-        _legend_above(figure, handles, fit.experiment, panels)
+        _legend_above(figure, handles, shown.title, panels)
     return figure
 
 
@@ -249,9 +212,9 @@ def density(
     "alone is flat by construction.",
     agreement,
 )
-def rank(fit: FittedTest) -> Figure:
+def rank(fit: FittedTest, shown: Panels | None = None) -> Figure:
     """Draw rank histograms of every sampled quantity, chain by chain (Vehtari et al. 2021)."""
-    names = free_parameters(fit.posterior)
+    shown = shown or panels_of(fit)
     draws = fit.posterior["posterior"]
     n_chains, n_draws = draws.sizes["chain"], draws.sizes["draw"]
     edges = np.linspace(0.0, 1.0, min(20, max(4, n_draws // 25)) + 1)
@@ -259,10 +222,10 @@ def rank(fit: FittedTest) -> Figure:
     in_bin = round(total / (edges.size - 1))
     expected = stats.hypergeom(total, in_bin, n_draws)
     with style():
-        figure, panels = _panel_grid(len(names), height=1.75)
-        for axes, name in zip(panels, names, strict=True):
-            shown = shown_draws(fit, name)
-            quantity, values = shown.quantity, shown.draws.to_numpy()
+        figure, panels = _panel_grid(len(shown.names), height=1.75)
+        for axes, name in zip(panels, shown.names, strict=True):
+            one = shown_draws(fit, name)
+            quantity, values = one.quantity, one.draws.to_numpy()
             ranks = (stats.rankdata(values).reshape(values.shape) - 0.5) / total
             axes.axhspan(
                 expected.ppf(0.025), expected.ppf(0.975), color=GREY, alpha=0.5, linewidth=0
@@ -280,82 +243,8 @@ def rank(fit: FittedTest) -> Figure:
         figure.supxlabel("rank among the draws of all chains (%)", fontsize=10)
         figure.supylabel("draws in bin (count)", fontsize=10)
         band = Patch(color=GREY, alpha=0.5, label="expected of independent draws")
-        _legend_above(figure, [band, *_chain_handles(fit)], fit.experiment, panels)
+        _legend_above(figure, [band, *_chain_handles(fit)], shown.title, panels)
     return figure
-
-
-@recipe(
-    "pairs",
-    "Trade-offs between quantities",
-    "Joint posterior of pairs of quantities, at most 1000 draws. A round cloud: the data fix "
-    "both independently; a narrow oblique or bent one: they fix a combination only. Divergent "
-    "draws lie on top; where they gather, the posterior reaches further than the draws show.",
-    strongest_trade_off,
-)
-def pairs(fit: FittedTest) -> Figure:
-    """Draw scatter plots of the most telling quantities, divergent draws on top."""
-    sampled = free_parameters(fit.posterior)
-    telling = [name for name in PAIRED_QUANTITIES if name in sampled]
-    names = telling if len(telling) > 1 else sampled
-    shown = [shown_draws(fit, name) for name in names]
-    factors = [one.quantity.display_factor for one in shown]
-    values = np.stack([all_draws(one.draws) for one in shown], axis=1) * factors
-    diverging = all_draws(fit.posterior["sample_stats"].to_dataset()["diverging"]).astype(bool)
-    plain, divergent = (
-        evenly_spaced(part, PAIRED_DRAWS) for part in (values[~diverging], values[diverging])
-    )
-    # NaN is not drawn.
-    truths = [
-        (np.nan if one.truth is None else one.truth) * factor
-        for one, factor in zip(shown, factors, strict=True)
-    ]
-    size = len(names) - 1
-    width = 2.0 + 0.95 * size
-    with figure_of(max(width, 5.0), max(width, 4.0)) as figure:
-        grid = figure.add_gridspec(size, size)
-        panels = {}
-        for row in range(size):
-            for column in range(row + 1):
-                axes = panels[row, column] = figure.add_subplot(grid[row, column])
-                for part, colour, area in ((plain, BLUE, 2.0), (divergent, VERMILION, 9.0)):
-                    axes.scatter(
-                        part[:, column],
-                        part[:, row + 1],
-                        s=area,
-                        color=colour,
-                        alpha=0.35 if part is plain else 0.9,
-                        linewidths=0,
-                        rasterized=True,
-                    )
-                axes.plot(truths[column], truths[row + 1], linestyle="none", **TRUE_VALUE)
-                both = shown[column].quantity, shown[row + 1].quantity
-                _label_pair(axes, *both, row == size - 1, column == 0)
-        # Only these have labels, and each aligned axis costs a look at all of its group.
-        figure.align_xlabels([panels[size - 1, column] for column in range(size)])
-        figure.align_ylabels([panels[row, 0] for row in range(size)])
-        handles = [
-            _dot(BLUE, f"draw ({len(plain)} of {len(values)} shown)"),
-            _dot(VERMILION, f"divergent draw ({int(diverging.sum()) or 'none'})"),
-        ]
-        if not np.all(np.isnan(truths)):
-            handles.append(Line2D([], [], linestyle="none", label="true value", **TRUE_VALUE))
-        figure.legend(handles=handles, loc="outside upper right", title=fit.experiment.title)
-    return figure
-
-
-def _label_pair(axes: Axes, x: Parameter, y: Parameter, at_bottom: bool, at_left: bool) -> None:
-    """Label the outer panels and keep the ticks of all of them few."""
-    for axis, quantity, outer in ((axes.xaxis, x, at_bottom), (axes.yaxis, y, at_left)):
-        axis.set_major_locator(few_ticks(2))
-        if outer:
-            axis.set_label_text(f"${quantity.symbol}$\n({unit_text(quantity)})")
-        else:
-            axis.set_tick_params(labelbottom=False, labelleft=False)
-    axes.tick_params(axis="x", labelrotation=90)
-
-
-def _dot(colour: str, label: str) -> Line2D:
-    return Line2D([], [], linestyle="none", marker="o", markersize=5, color=colour, label=label)
 
 
 def _panel_grid(count: int, height: float = 2.35) -> tuple[Figure, list[Axes]]:
@@ -369,16 +258,11 @@ def _panel_grid(count: int, height: float = 2.35) -> tuple[Figure, list[Axes]]:
 
 
 def _legend_above(
-    figure: Figure,
-    handles: Sequence[Patch | Line2D],
-    experiment: Experiment,
-    panels: Sequence[Axes],
+    figure: Figure, handles: Sequence[Patch | Line2D], title: str, panels: Sequence[Axes]
 ) -> None:
     """Put title and legend above a panel grid, as wide as the grid allows."""
     columns = max(2, 2 * min(4, len(panels)) - 1)
-    figure.legend(
-        handles=list(handles), loc="outside upper center", ncols=columns, title=experiment.title
-    )
+    figure.legend(handles=list(handles), loc="outside upper center", ncols=columns, title=title)
 
 
 def _chain_style(index: int) -> dict[str, Any]:
@@ -395,12 +279,19 @@ def _chain_handles(fit: FittedTest) -> list[Line2D]:
     ]
 
 
-def figures_for(fit: FittedTest) -> tuple[PageFigure, ...]:
-    """Return the figures of a fit, in their order on the page."""
-    first, *others = (one for one in view_of(fit.experiment).figures if one.suits(fit))
-    return tuple(
-        one.of(fit) for one in (first, *POSTERIOR_FIGURES[:1], *others, *POSTERIOR_FIGURES[1:])
-    )
+def figures_for(fit: FittedTest, elsewhere: Sequence[str] = ()) -> tuple[PageFigure, ...]:
+    """Return the figures of a fit, in their order on the page, but panels that are `elsewhere`."""
+    first, *others = (one.of(fit) for one in view_of(fit.experiment).figures if one.suits(fit))
+    found = posterior_figures(fit, panels_of(fit, elsewhere))
+    return (first, *found[:1], *others, *found[1:])
+
+
+def posterior_figures(fit: FittedTest, shown: Panels) -> tuple[PageFigure, ...]:
+    """Return those of `POSTERIOR_FIGURES` that have something to show."""
+    names, beside = paired(shown)
+    has_pairs = len(names) > max(beside, 1)
+    suiting = (one for one in POSTERIOR_FIGURES if has_pairs or one is not pairs)
+    return tuple(one.of(fit, shown) for one in suiting) if shown.names else ()
 
 
 POSTERIOR_FIGURES = (prior_posterior, pairs, rank)

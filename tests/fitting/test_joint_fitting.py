@@ -3,6 +3,7 @@
 import logging
 import re
 import shutil
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,22 +12,26 @@ import pytest
 from conftest import POOL, SMALL_RUN, Problem, pair_of
 from figure_texts import legend_texts
 from matplotlib.colors import rgb_to_hsv, to_hex, to_rgb
-from page import html_of
+from page import Page, html_of
 
 import pyburgers
 from pyburgers.common.errors import InputError
 from pyburgers.comparison.same_data import fits_alone
+from pyburgers.drawing.page_parts import PageFigure
 from pyburgers.fitting.fit import Fit, fit
 from pyburgers.kinds.problem import problem_of
+from pyburgers.model.display import axis_label, shown_quantity
 from pyburgers.page.joint_section import (
     INTERVALS_CAPTION,
     intervals,
     joint_section,
     pooling_table,
     sd_ratios,
+    shared_figures,
     shown_pooling_table,
 )
 from pyburgers.page.names import joint_key, page_keys, page_names
+from pyburgers.page.posterior_figures import agreement, figures_for
 from pyburgers.page.tables import quoted_or_prior
 
 
@@ -131,8 +136,42 @@ def test_page_shows_joint_and_separate_fits(
     assert f"{name}, all tests together" in page
     assert page.count(f'href="#joint_{key}"') >= 2
     assert (tmp_path / "report" / "tables" / f"joint_{key}_pooling.csv").is_file()
-    for figure in ("curves", "intervals"):
+    for figure in ("curves", "intervals", "prior_posterior", "pairs", "rank"):
         assert (tmp_path / "report" / "figures" / f"joint_{key}_{figure}.svg").is_file()
+
+
+def test_shared_parameters_have_panels_once(joint: Fit) -> None:
+    def panels(figures: Sequence[PageFigure], name: str) -> list[str]:
+        (figure,) = (one.draw() for one in figures if one.name == name)
+        return [axes.get_xlabel() or axes.get_title("left") for axes in figure.axes]
+
+    test, shared = joint["other"], joint.problem.shared
+    whole, own, once = figures_for(test), figures_for(test, shared), shared_figures(joint)
+    for name in ("prior_posterior", "rank"):
+        assert sorted(panels(once, name) + panels(own, name)) == sorted(panels(whole, name))
+    labels = [axis_label(shown_quantity(name)) for name in shared]
+    assert panels(once, "prior_posterior") == labels
+    # A test shows how what it has alone goes with what it shares.
+    assert [len(panels(some, "pairs")) for some in (whole, own, once)] == [3, 2, 1]
+
+
+def test_panels_are_left_out_only_beside_the_part_about_the_joint_fit(
+    joint: Fit, sketched: None, tmp_path: Path
+) -> None:
+    def told(fit: Fit) -> list[str]:
+        page = pyburgers.report([fit], tmp_path / "page")
+        found = Page(page.read_text(encoding="utf-8")).alternatives
+        return [text for text in found if text.startswith("Agreement of the chains")]
+
+    def of(text: str) -> str:
+        return text.rpartition("of ")[2].rstrip(".")
+
+    shared = joint.problem.shared
+    first, *of_tests = map(of, told(joint))
+    assert first in shared
+    assert not set(of_tests) & set(shared)
+    assert len(of_tests) == 2
+    assert told(joint["other"])[0].endswith(agreement(joint["other"]))
 
 
 def test_intervals_show_fits_of_single_tests_where_there_are_some(

@@ -195,6 +195,7 @@ def test_grain_size_starts_where_the_record_says(record: Fit) -> None:
 def test_a_stress_strain_curve_has_no_figures_of_an_oscillation(tmp_path: Path) -> None:
     curve = make_fit(tmp_path, chains=1, draws=5)
     of_responses = (predicted_response, replicated_response, response_table)
-    for draw in (*(recipe.draw for recipe in VIEW.figures), *of_responses):
+    drawers: tuple[Callable[[Fit], object], ...] = (*VIEW.figures, *of_responses)
+    for draw in drawers:
         with pytest.raises(InputError, match="PIL40: found a test of protocol 'constant_rate'"):
             draw(curve)

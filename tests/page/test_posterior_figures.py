@@ -19,7 +19,8 @@ from pyburgers.fitting.fit import Fit
 from pyburgers.kinds.stan_data import REFERENCE_FLOW_RATE
 from pyburgers.model.display import shown_quantity
 from pyburgers.page.decades import PriorOfLogarithm, logarithm_of, shown_draws, spans_decades
-from pyburgers.page.posterior_figures import density, narrowed, pairs, prior_posterior, rank
+from pyburgers.page.posterior_figures import density, narrowed, prior_posterior, rank
+from pyburgers.page.trade_offs import pairs
 
 
 @pytest.fixture(scope="module")

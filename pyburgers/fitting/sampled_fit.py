@@ -357,7 +357,6 @@ class SampledFit(ABC):
 
         That of ``posterior.nc`` changes whenever the draws are gathered again.
         """
-        # That of posterior.nc changes whenever the draws are gathered again.
         records = [*self.manifest.get("chains", {}).values()]
         return str(records[0]["sha256"])[:12] if records else "unknown"
 

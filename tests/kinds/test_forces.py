@@ -4,14 +4,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import history_oracle
 import numpy as np
-import oracle
 import pytest
 from history_files import history, stage
 from history_twins import GRAIN_SIZE, TEMPERATURE, TRUTH
 from same_contents import assert_equal
-from scipy.integrate import solve_ivp
-from scipy.optimize import brentq
 
 from pyburgers.common.array_types import FloatArray
 from pyburgers.common.errors import InputError
@@ -19,6 +17,7 @@ from pyburgers.kinds.forward import simulate
 from pyburgers.kinds.kind import save_experiment
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.files import load_loading_history
+from pyburgers.kinds.loading_history.stages import Leg
 from pyburgers.kinds.program_data import solve
 from pyburgers.kinds.stan_data import SolverOptions
 
@@ -65,75 +64,16 @@ def forced(
 
 def by_scipy(
     values: Mapping[str, float], stages: tuple[tuple[float, float, float], ...], at: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """True stress and strain of the sample at times inside the stages."""
-    modulus = values["maxwell_modulus"]
-    state = np.array([0.0, 0.0, GRAIN_SIZE, 1.0])  # Kelvin and dashpot strain, grain size, fabric
-    before, start, found = 0.0, 0.0, []
-
-    def stress_of(force: float, kelvin: float, dashpot: float) -> float:
-        def missed(stress: float) -> float:
-            return stress - force * float(np.exp(-(stress / modulus + kelvin + dashpot)))
-
-        return float(brentq(missed, -2 * abs(force) - 1, 2 * abs(force) + 1, xtol=1e-6, rtol=1e-14))
-
-    def evolved(state: FloatArray, stress: float, path: float) -> FloatArray:
-        wanted = oracle.wanted_grain_size(values, stress)
-        grown = 1 - np.exp(-path / values["critical_strain_grain_size"])
-        fabric = 1 - np.exp(-path / values["critical_strain_fabric"])
-        changes: FloatArray = np.array(
-            [
-                0.0,
-                0.0,
-                (wanted - state[2]) * grown,
-                (values["steady_state_fabric_factor"] - state[3]) * fabric,
-            ]
-        )
-        return state + changes
-
-    def rates(time: float, state: FloatArray, force: float, slope: float) -> FloatArray:
-        kelvin_strain, dashpot_strain, grains, fabric = state
-        stress = stress_of(force + slope * time, kelvin_strain, dashpot_strain)
-        kelvin = oracle.kelvin_rate(values, TEMPERATURE, stress, kelvin_strain)
-        dashpot = float(oracle.dashpot_rate(values, TEMPERATURE, np.array(stress), grains, fabric))
-        # ln(stress) = ln(force) - strain, in which the spring has the share stress/modulus.
-        area = np.exp(-(stress / modulus + kelvin_strain + dashpot_strain))
-        stress_rate = (slope * area - stress * (kelvin + dashpot)) / (1 + stress / modulus)
-        path = abs(stress_rate / modulus + kelvin + dashpot)
-        wanted = oracle.wanted_grain_size(values, stress)
-        steady = values["steady_state_fabric_factor"]
-        return np.array(
-            [
-                kelvin,
-                dashpot,
-                path * (wanted - grains) / values["critical_strain_grain_size"],
-                path * (steady - fabric) / values["critical_strain_fabric"],
-            ]
-        )
-
+) -> FloatArray:
+    """True stress and strain of the sample at times inside the stages, (2, n)."""
+    legs, start = [], 0.0
     for duration, force, slope in stages:
-        stress = stress_of(force, state[0], state[1])
-        state = evolved(state, stress, abs(stress - before) / modulus)
-        inside = at[(at > start) & (at <= start + duration)] - start
-        solved = solve_ivp(
-            rates,
-            (0.0, duration),
-            state,
-            method="LSODA",
-            args=(force, slope),
-            t_eval=np.append(inside, duration),
-            rtol=1e-10,
-            atol=[1e-14, 1e-14, 1e-16, 1e-12],
-        )
-        assert solved.success, solved.message
-        for time, (kelvin, dashpot, *_) in zip(inside, solved.y.T, strict=False):
-            stress = stress_of(force + slope * time, kelvin, dashpot)
-            found.append((stress, stress / modulus + kelvin + dashpot))
-        state = solved.y[:, -1]
-        before = stress_of(force + slope * duration, state[0], state[1])
-        start += duration
-    stresses, strains = np.transpose(found)
-    return stresses, strains
+        end = start + duration
+        legs.append(Leg("stress", start, end, force, slope, TEMPERATURE, 0, is_force=True))
+        start = end
+    times = [at[(at > leg.start_time) & (at <= leg.end_time)] for leg in legs]
+    state = history_oracle.history(values, GRAIN_SIZE, legs, times)
+    return np.asarray(state[[history_oracle.STRESS, history_oracle.STRAIN]])
 
 
 @pytest.mark.usefixtures("programs")

@@ -31,7 +31,6 @@ from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.forced_oscillation.experiment import with_background
 from pyburgers.kinds.forced_oscillation.files import load_forced_oscillation
 from pyburgers.kinds.forward import simulate
-from pyburgers.kinds.loading_history.stages import Leg
 from pyburgers.kinds.problem import problem_of
 from pyburgers.kinds.program_data import given_parameters, program_data
 from pyburgers.kinds.stan_data import SolverOptions
@@ -113,8 +112,8 @@ def test_a_curve_is_that_of_the_independent_solution(numbers: Mapping[str, float
     strain = np.array([1e-4, 0.003, 0.03, 0.2])
     stress = simulate(curve, values, at=strain, solver=EXACT)["stress_Pa"]
     rate = np.ptp(curve.position) / curve.duration
-    leg = Leg("strain", 0.0, strain[-1] / rate, 0.0, rate, curve.temperature, 0)
-    expected = history_oracle.history(values, curve.initial_grain_size, [leg], [strain / rate])
+    at = curve.temperature, curve.initial_grain_size
+    expected = history_oracle.at_rates(values, *at, [(0.0, rate)], strain)
     np.testing.assert_allclose(stress, expected[history_oracle.STRESS], rtol=1e-6)
     without = simulate(curve, TRUTH, at=strain)["stress_Pa"]
     assert np.abs(stress / without - 1).max() > 0.1

@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 import oracle
 from scipy.integrate import solve_ivp
+from scipy.special import lambertw
 
 from pyburgers.kinds.loading_history.stages import Leg
 
@@ -23,7 +24,8 @@ def history(
 ) -> FloatArray:
     """Solution of a test that starts from rest, at times (s) of each leg, shape (8, n_times).
 
-    Every state has a rate of its own: nothing is known in advance, nothing is eliminated.
+    Every state has a rate of its own: nothing is known in advance, nothing is eliminated. A force
+    (Pa over the first area) acts on an area that follows from the strain of the sample.
     """
     elastic = 1 / parameters["maxwell_modulus"]
     start = parameters.get("initial_backstress", 0.0)
@@ -31,9 +33,13 @@ def history(
     parts = []
     for leg, wanted in zip(legs, times, strict=True):
         if leg.driven == "stress":
-            jump = leg.start_value - state[STRESS]
+            stress = leg.start_value
+            if leg.is_force:  # sigma = f exp(-sigma/E_M - creep)
+                creep = state[KELVIN] + state[DASHPOT]
+                stress = float(lambertw(elastic * stress * np.exp(-creep)).real) / elastic
+            jump = stress - state[STRESS]
             state = state.copy()
-            state[STRESS] = leg.start_value
+            state[STRESS] = stress
             state[STRAIN] += (elastic + parameters.get("apparatus_compliance", 0.0)) * jump
             _deform(state, parameters, elastic * abs(jump))
         duration = leg.end_time - leg.start_time
@@ -52,6 +58,24 @@ def history(
         parts.append(solved.y[:, np.searchsorted(outputs, since)])
         state = solved.y[:, -1]
     return np.concatenate(parts, axis=1)
+
+
+def at_rates(
+    parameters: Mapping[str, float],
+    temperature: float,
+    initial_grain_size: float,
+    segments: Sequence[tuple[float, float]],
+    strain: FloatArray,
+) -> FloatArray:
+    """Solution at increasing strains of segments with a start strain and a rate (1/s), (8, n)."""
+    legs, times, now = [], [], 0.0
+    ends = [*(start for start, _ in segments[1:]), strain[-1]]
+    for (start, rate), end in zip(segments, ends, strict=True):
+        legs.append(Leg("strain", now, now + (end - start) / rate, 0.0, rate, temperature, 0))
+        inside = strain[(strain > start) & (strain <= end)]
+        times.append(now + (inside - start) / rate)
+        now = legs[-1].end_time
+    return history(parameters, initial_grain_size, legs, times)
 
 
 def _deform(state: FloatArray, parameters: Mapping[str, float], path: float) -> None:
@@ -79,6 +103,10 @@ def _rates(
     )
     if leg.driven == "stress":
         stress_rate = leg.rate
+        if leg.is_force:  # d ln(sigma) = d ln(f) - d strain
+            area = np.exp(-elastic * stress - state[KELVIN] - state[DASHPOT])
+            creep = stress * (kelvin + dashpot)
+            stress_rate = (leg.rate * area - creep) / (1 + elastic * stress)
     else:
         stress_rate = (leg.rate - kelvin - dashpot) / (elastic + apparatus)
     specimen = elastic * stress_rate + kelvin + dashpot

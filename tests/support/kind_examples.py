@@ -9,9 +9,9 @@ from typing import Any, ClassVar, Generic, TypeVar
 import attenuation_oracle
 import history_oracle
 import numpy as np
-import oracle
 import oscillation_oracle
 from conftest import DUNITE, ICE
+from history_oracle import FABRIC, GRAINS, KELVIN, STRAIN, STRESS
 from history_twins import history_twin, residual_covariance
 from imagined_tests import STEPS
 from oscillation_records import until, with_record
@@ -112,11 +112,11 @@ class ConstantRateExample(Example[ConstantRateExperiment]):
         self, experiment: ConstantRateExperiment, values: Mapping[str, float], at: FloatArray
     ) -> dict[str, FloatArray]:
         segments = [(segment.start_strain, segment.strain_rate) for segment in experiment.segments]
-        state = oracle.six_states(
+        state = history_oracle.at_rates(
             values, experiment.temperature, experiment.initial_grain_size, segments, at
         )
         names = ("stress_Pa", "kelvin_strain", "grain_size_m", "fabric_factor")
-        return dict(zip(names, state[[0, 1, 4, 5]], strict=True))
+        return dict(zip(names, state[[STRESS, KELVIN, GRAINS, FABRIC]], strict=True))
 
     def log_likelihood(
         self,
@@ -226,7 +226,7 @@ class LoadingHistoryExample(Example[HistoryExperiment]):
             [at[legs == k] for k in range(len(experiment.legs))],
         )
         names = ("stress_Pa", "strain", "kelvin_strain", "grain_size_m", "fabric_factor")
-        return dict(zip(names, state[[0, 1, 2, 5, 6]], strict=True))
+        return dict(zip(names, state[[STRESS, STRAIN, KELVIN, GRAINS, FABRIC]], strict=True))
 
     def log_likelihood(
         self, experiment: HistoryExperiment, values: Mapping[str, float], response: FloatArray

@@ -153,61 +153,6 @@ def wanted_grain_size(parameters: Mapping[str, float], stress: float) -> float:
     return piezometer(stress) * at_one_megapascal / 0.015
 
 
-def six_states(
-    parameters: Mapping[str, float],
-    temperature: float,
-    initial_grain_size: float,
-    segments: Sequence[tuple[float, float]],
-    strain: FloatArray,
-) -> FloatArray:
-    """Solve the six equations in time from rest, at increasing strains, shape (6, n).
-
-    Rows are stress, Kelvin, elastic and dashpot strain, grain size and fabric factor. A segment has
-    a start strain and a rate (1/s).
-    """
-
-    def rates(_time: float, state: FloatArray, strain_rate: float) -> FloatArray:
-        stress, kelvin_strain, _, _, grain_size, fabric = state
-        kelvin = kelvin_rate(parameters, temperature, stress, kelvin_strain)
-        dashpot, _ = all_rates(parameters, temperature, stress, 0.0, grain_size, fabric)
-        elastic = strain_rate - kelvin - dashpot
-        return np.array(
-            [
-                parameters["maxwell_modulus"] * elastic,
-                kelvin,
-                elastic,
-                dashpot,
-                strain_rate
-                * (wanted_grain_size(parameters, stress) - grain_size)
-                / parameters["critical_strain_grain_size"],
-                strain_rate
-                * (parameters["steady_state_fabric_factor"] - fabric)
-                / parameters["critical_strain_fabric"],
-            ]
-        )
-
-    state = np.array([0.0, 0.0, 0.0, 0.0, initial_grain_size, 1.0])
-    starts = [start for start, _ in segments]
-    reported = []
-    for (start, strain_rate), end in zip(segments, [*starts[1:], strain[-1]], strict=True):
-        inside = strain[(strain > start) & (strain <= end)]
-        times = np.append(inside, end) - start
-        solution = solve_ivp(
-            rates,
-            (0.0, times[-1] / strain_rate),
-            state,
-            method="LSODA",
-            t_eval=np.unique(times / strain_rate),
-            rtol=1e-11,
-            atol=[1e-3, 1e-14, 1e-14, 1e-14, 1e-17, 1e-13],
-            args=(strain_rate,),
-        )
-        assert solution.success, solution.message
-        reported.append(solution.y[:, : inside.size])
-        state = solution.y[:, -1]
-    return np.concatenate(reported, axis=1)
-
-
 def piezometer(stress: float) -> float:
     """Grain size (m) of Eq. 5, the stress floored as sqrt(stress^2 + (1 MPa)^2)."""
     return float(0.015 * (np.hypot(stress, 1e6) / 1e6) ** -1.33)

@@ -9,7 +9,7 @@ from pyburgers.common.array_types import FloatArray, IntArray
 from pyburgers.common.errors import InputError
 from pyburgers.common.units import counted, number
 from pyburgers.flow_law_tables.laws import Mechanism, RateLaw, has_environment, without_idle
-from pyburgers.flow_law_tables.softening import N_SOFTENING, SofteningPrior
+from pyburgers.flow_law_tables.softening import N_SOFTENING, NO_SOFTENING, SofteningPrior
 from pyburgers.flow_law_tables.tables import RateTable
 from pyburgers.kinds.problem import plain_quantity, replaced_by_flow
 from pyburgers.kinds.program_data import prior_block
@@ -161,11 +161,6 @@ def rate_data(
         # So that ln(rate) at the mean conditions is the mean of a power law.
         per_kelvin = np.mean(environment[is_used, 0] / data.temperature[is_used])
         mean_environment[0] = per_kelvin / (1 / reference.temperature + mean_distances[2])
-    no_softening = {
-        "softening_coefficients": np.zeros((N_SOFTENING, 3)).tolist(),
-        "softening_centre": [0.0, 0.0],
-        "softening_factor": np.eye(N_SOFTENING).tolist(),
-    }
     return {
         "n_rows": data.n_rows,
         **{
@@ -201,7 +196,7 @@ def rate_data(
         "mean_environment": [mean_environment.tolist()],
         "mean_log_rate": float(np.mean(np.log(data.strain_rate[is_used]))),
         "is_softened": int(softening is not None),
-        **(no_softening if softening is None else softening.block),
+        **(softening or NO_SOFTENING).block,
         "use_likelihood": int(use_likelihood),
         "n_grid": len(drawn) * GRID_STRESSES,
         "grid_stress": np.concatenate([one.stress for one in drawn]).tolist(),

@@ -109,6 +109,12 @@ class SofteningPrior:
         }
 
 
+NO_SOFTENING = SofteningPrior(
+    np.zeros((N_SOFTENING, 3)), np.zeros(2), np.eye(N_SOFTENING), np.zeros(3), 0.0
+)
+"""Of tables whose tests are not softened, in the data of the program."""
+
+
 @dataclass(frozen=True, eq=False)
 class Peaks:
     """Peaks of materials: ln(stress/Pa), strain, ln(S_0/stress); (n_materials, n_conditions)."""

@@ -53,7 +53,7 @@ def refuse_impossible(
     temperatures: FloatArray,
     grain_sizes: FloatArray,
     response: FloatArray,
-    largest_strain: float | None = None,
+    largest_strain: float | None,
 ) -> None:
     """Refuse a test with numbers that no test has; a sentence for each."""
     hottest = temperatures[np.argmax(np.abs(temperatures - np.mean(TEMPERATURES)))]

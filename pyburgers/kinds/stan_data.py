@@ -7,7 +7,6 @@ the data blocks in `stan/data/` and of the programs.
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import accumulate, chain, pairwise
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -237,8 +236,8 @@ def layout_of(
     names: Sequence[str],
     n_tests: int,
     pooling: Pooling,
-    n_errors: Sequence[int] = (),
-    sources: Mapping[str, Sequence[int]] = MappingProxyType({}),
+    n_errors: Sequence[int],
+    sources: Mapping[str, Sequence[int]],
 ) -> Layout:
     """Lay the coordinates of a fit out."""
     shared_by_all, partial = (pooling.of_kind(kind, names) for kind in ("shared", "partial"))
@@ -258,7 +257,7 @@ def layout_of(
     changes = (source != np.arange(n_tests)[:, np.newaxis]).any(axis=0)
     shared = tuple(name for name, change in zip(names, changes, strict=True) if change)
     centre = following + np.arange(len(partial))
-    ends = following + 2 * len(partial) + np.cumsum([0, *(n_errors or [0] * n_tests)])
+    ends = following + 2 * len(partial) + np.cumsum([0, *n_errors])
     own = tuple(
         [i for i, name in enumerate(names) if name not in partial and row[i] == test]
         for test, row in enumerate(source)

@@ -75,7 +75,6 @@ class ImposedCycles:
             t_half=half,
             coefficients=coefficients,
             covariance=np.zeros((coefficients.size, coefficients.size)),
-            residual_sd=0.0,
             chi_square=0.0,
             n_points=0,
         )

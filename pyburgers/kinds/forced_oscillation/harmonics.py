@@ -42,7 +42,6 @@ class HarmonicFit:
     `t_middle`, `t_half`: middle and half length (s) of the series: x = (t - t_middle)/t_half.
     `coefficients` (n_coefficients,): Legendre coefficients, amplitudes of sines, of cosines (U).
     `covariance` (n_coefficients, n_coefficients): of the coefficients (U^2).
-    `residual_sd`: standard deviation of the residuals (U), with the degrees of freedom left.
     `chi_square`: sum of squared residuals over variances; degrees of freedom if none are given.
     """
 
@@ -53,7 +52,6 @@ class HarmonicFit:
     t_half: float
     coefficients: FloatArray
     covariance: FloatArray
-    residual_sd: float
     chi_square: float
     n_points: int
 
@@ -98,17 +96,17 @@ class HarmonicFit:
         rate = np.asarray(legendre.legval(self._scaled(time), slope), dtype=np.float64)
         return rate / self.t_half
 
-    def amplitude(self, k: int = 1) -> tuple[float, float]:
-        """Amplitude (U) of harmonic `k`, from 1, and its standard error."""
-        sine, cosine = self.sine[k - 1], self.cosine[k - 1]
+    def amplitude(self) -> tuple[float, float]:
+        """Amplitude (U) of the fundamental, and its standard error."""
+        sine, cosine = self.sine[0], self.cosine[0]
         size = math.hypot(sine, cosine)
-        return size, self._standard_error(k, sine / size, cosine / size)
+        return size, self._standard_error(sine / size, cosine / size)
 
-    def phase(self, k: int = 1) -> tuple[float, float]:
-        """Phase (rad, in (-pi, pi]) of harmonic `k`, sin(k w t + phase), and its standard error."""
-        sine, cosine = self.sine[k - 1], self.cosine[k - 1]
+    def phase(self) -> tuple[float, float]:
+        """Phase (rad, in (-pi, pi]) of the fundamental, sin(w t + phase), and its error."""
+        sine, cosine = self.sine[0], self.cosine[0]
         square = sine**2 + cosine**2
-        error = self._standard_error(k, -cosine / square, sine / square)
+        error = self._standard_error(-cosine / square, sine / square)
         return math.atan2(cosine, sine), error
 
     @property
@@ -119,10 +117,9 @@ class HarmonicFit:
     def _scaled(self, time: FloatArray) -> FloatArray:
         return (time - self.t_middle) / self.t_half
 
-    def _standard_error(self, k: int, of_sine: float, of_cosine: float) -> float:
-        """Propagate the covariance through derivatives by sine and cosine of harmonic `k`."""
-        at_sine = self.degree + k
-        indices = [at_sine, at_sine + self.n_harmonics]
+    def _standard_error(self, of_sine: float, of_cosine: float) -> float:
+        """Propagate the covariance through derivatives by sine and cosine of the fundamental."""
+        indices = [self.degree + 1, self.degree + 1 + self.n_harmonics]
         gradient = np.array([of_sine, of_cosine])
         return math.sqrt(gradient @ self.covariance[np.ix_(indices, indices)] @ gradient)
 
@@ -146,8 +143,7 @@ def fit_harmonics(
     coefficients = solver @ value
     residual = value - design @ coefficients
     freedom = time.size - coefficients.size
-    residual_sd = math.sqrt(residual @ residual / freedom)
-    scale = residual_sd**2 if uncertainty is None else 1.0
+    scale = residual @ residual / freedom if uncertainty is None else 1.0
     t_middle, t_half = _span(time)
     return HarmonicFit(
         period=period,
@@ -157,7 +153,6 @@ def fit_harmonics(
         t_half=t_half,
         coefficients=coefficients,
         covariance=scale * (solver / weight**2) @ solver.T,
-        residual_sd=residual_sd,
         chi_square=float(freedom if uncertainty is None else np.sum((residual * weight) ** 2)),
         n_points=time.size,
     )

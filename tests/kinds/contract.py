@@ -72,6 +72,10 @@ def test_a_copy_reads_back_exactly_and_its_copy_is_the_same_file(
         experiment = read
     assert written[0] == written[1]
     assert "experiment.toml" in written[0]
+    inside = tmp_path / "inside.toml"
+    experiment.to_toml(inside)
+    assert [file for file in tmp_path.iterdir() if file.is_file()] == [inside]
+    assert_equal(load_experiment(inside), experiment)
 
 
 BAD_TABLES: Mapping[str, Callable[[list[str]], list[str]]] = {

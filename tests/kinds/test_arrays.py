@@ -14,9 +14,8 @@ from same_contents import assert_equal
 
 import pyburgers
 from pyburgers.common.errors import InputError
-from pyburgers.common.toml_files import without_none
 from pyburgers.kinds.experiment import Experiment
-from pyburgers.kinds.kind import kinds, load_experiment
+from pyburgers.kinds.kind import load_experiment
 
 COMMON: dict[str, Any] = {
     "temperature_K": 263.0,
@@ -64,18 +63,6 @@ TABLE: dict[str, Any] = {
 }
 
 CASES = [(kind, name) for kind in EXAMPLES for name in EXAMPLES[kind].twins]
-
-
-@pytest.mark.parametrize(("kind", "name"), CASES)
-def test_a_file_with_its_readings_inside_holds_an_equal_test(
-    kind: str, name: str, tmp_path: Path
-) -> None:
-    test = EXAMPLES[kind].load(name)
-    assert_equal(kinds()[kind].load(Path("memory"), without_none(test.tables())), test)
-    path = tmp_path / "one.toml"
-    test.to_toml(path)
-    assert [file.name for file in tmp_path.iterdir()] == ["one.toml"]
-    assert_equal(load_experiment(path), test)
 
 
 @pytest.mark.parametrize(("kind", "name"), CASES)

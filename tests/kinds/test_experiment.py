@@ -13,7 +13,7 @@ from small_inputs import CURVE, EXPERIMENT
 import pyburgers
 from pyburgers.common.errors import InputError
 from pyburgers.kinds.conditions import doubts, unlikely_grain_size
-from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, RateSegment
+from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment
 from pyburgers.kinds.constant_rate.files import load_constant_rate
 from pyburgers.kinds.experiment import Stated, of_kind
 from pyburgers.kinds.forced_oscillation.experiment import OscillationExperiment
@@ -23,12 +23,6 @@ from pyburgers.kinds.kind import load_experiment
 @pytest.fixture
 def curve() -> ConstantRateExperiment:
     return load_constant_rate(ICE / "PIL40.toml")
-
-
-def test_times_follow_from_the_rates(curve: ConstantRateExperiment) -> None:
-    stepped = replace(curve, segments=(RateSegment(0.0, 1e-4), RateSegment(0.05, 1e-5)))
-    times = stepped.time_at(np.array([0.0, 0.02, 0.05, 0.06]))
-    np.testing.assert_allclose(times, [0, 200, 500, 1500], rtol=1e-12)
 
 
 def test_the_environment_takes_the_place_of_data_root(

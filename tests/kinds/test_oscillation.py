@@ -92,21 +92,6 @@ class TestBackground:
         )
         np.testing.assert_array_equal(prepared.stress, record.stress)
 
-    def test_amplitudes_and_background_are_the_driving_rate(self) -> None:
-        prepared = prepare(make_record(), replace(self.DEGREES, background="kept"), "test")
-        strain = prepared.strain_fit
-        time = np.linspace(0, 2400, 99)
-        rate = np.zeros_like(time)
-        for power, coefficient in enumerate(prepared.background_rate):
-            rate += coefficient * ((time - strain.t_middle) / strain.t_half) ** power
-        assert strain.sine.shape == strain.cosine.shape == (3,)
-        for k in (1, 2, 3):
-            sine, cosine = strain.sine[k - 1], strain.cosine[k - 1]
-            rate += (
-                k * OMEGA * (sine * np.cos(k * OMEGA * time) - cosine * np.sin(k * OMEGA * time))
-            )
-        np.testing.assert_allclose(rate, prepared.strain_rate(time), rtol=1e-10, atol=1e-18)
-
     @pytest.mark.parametrize("background", ["removed", "kept"])
     def test_a_constant_strain_trend_has_no_rate(self, background: Background) -> None:
         record = make_record()

@@ -13,11 +13,9 @@ from stan_data import one_test_data
 from pyburgers.common.errors import InputError
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment, RateSegment
 from pyburgers.kinds.constant_rate.files import load_constant_rate
-from pyburgers.kinds.problem import plain_coordinates, problem_of
-from pyburgers.kinds.program_data import program_data
-from pyburgers.kinds.stan_data import REFERENCE_STRESS, Layout, SolverOptions, StanData
+from pyburgers.kinds.problem import plain_coordinates
+from pyburgers.kinds.stan_data import REFERENCE_STRESS, SolverOptions, StanData
 from pyburgers.model.parameters import PARAMETERS, PLACE
-from pyburgers.model.pooling import pooling_of
 from pyburgers.model.prior_families import Family, Prior
 from pyburgers.model.priors import PriorSet, default_priors
 
@@ -145,46 +143,6 @@ def test_with_everything_fixed_there_is_no_coordinate() -> None:
 def test_solver_options_out_of_range_are_refused(option: dict[str, Any]) -> None:
     with pytest.raises(InputError, match=next(iter(option))):
         SolverOptions(**option)
-
-
-def joint_data() -> tuple[Layout, StanData]:
-    tests = [experiment([0.01]), replace(experiment([0.02, 0.03]), id="other")]
-    problem = problem_of(tests, default_priors("ice"), pooling_of())
-    grids = [np.array([0.05]), np.array([0.04, 0.06])]
-    return problem.layout, program_data(problem, solver=SolverOptions(), grids=grids)
-
-
-def test_tests_stand_one_after_the_other() -> None:
-    _, data = joint_data()
-    assert data["n_tests"] == 2
-    assert data["point_end"] == [0, 1, 3]
-    assert data["point_position"] == [0.01, 0.02, 0.03]
-    assert data["output_of_point"] == [1, 1, 2]
-    assert data["leg_end"] == [0, 1, 2]
-    assert data["grid_end"] == [0, 1, 3]
-    assert data["grid_position"] == [0.05, 0.04, 0.06]
-    assert data["reference_stress_rate"] == [1e-4] * 2
-
-
-def test_index_tables_say_what_each_coordinate_stands_for() -> None:
-    layout, data = joint_data()
-    shared = {"stress_exponent", "beta", "maxwell_modulus"}
-    assert {INDEX[name] for name in shared} <= set(data["shared_parameter"])
-    own = np.split(np.array(data["own_parameter"]), data["own_end"][1:-1])
-    positions = np.split(np.array(data["own_position"]), data["own_end"][1:-1])
-    assert set(data["shared_parameter"]) <= set(own[0])
-    assert not set(data["shared_parameter"]) & set(own[1])
-    assert data["pooled_parameter"] == [INDEX["steady_state_grain_size"]]
-    assert INDEX["steady_state_grain_size"] not in {*own[0], *own[1]}
-    for test in (0, 1):
-        for parameter, position in zip(own[test], positions[test], strict=True):
-            i = layout.names.index(PARAMETERS[parameter - 1].name)
-            assert position == layout.position[test, i] + 1
-            assert own[test][data["own_place"][test][parameter - 1] - 1] == parameter
-    every = [*data["own_position"], *np.ravel(data["pooled_position"])]
-    every += [*data["centre_position"], *data["spread_position"]]
-    assert sorted(every) == list(range(1, layout.size + 1))
-    assert data["replaced_parameter"] == [INDEX["activation_enthalpy"], 0]
 
 
 def test_a_reference_too_small_for_a_number_has_a_coordinate() -> None:

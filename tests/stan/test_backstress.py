@@ -5,7 +5,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 import oracle
 import pytest
 from conftest import ICE
@@ -39,7 +38,6 @@ from pyburgers.model.priors import default_priors
 from pyburgers.model.variants import with_variant
 from pyburgers.predictions.stated_laws import laws_of
 
-FloatArray = npt.NDArray[np.float64]
 pytestmark = pytest.mark.usefixtures("programs")
 
 EXACT = SolverOptions(tolerance=1e-13, max_num_steps=10_000_000)

@@ -6,15 +6,15 @@ from itertools import product
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from conftest import ICE, resolved_priors, valley_of, with_fixed
 from history_twins import TRUTH, history_twin
-from jacobians import assert_jacobian_is_that_of_the_map
+from jacobians import assert_jacobian_is_that_of_the_map, parameters_named
 from log_density import Program, program_with
 from stan_data import one_test_data, parameter_in
 from truth_as_mode import at_truth
 
+from pyburgers.common.array_types import FloatArray
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment
 from pyburgers.kinds.constant_rate.files import load_constant_rate
 from pyburgers.kinds.constant_rate.likelihood import LIKELIHOOD
@@ -27,7 +27,6 @@ from pyburgers.model.parameters import PARAMETERS
 from pyburgers.model.priors import PriorSet, default_priors
 from pyburgers.model.variants import with_variant
 
-FloatArray = npt.NDArray[np.float64]
 pytestmark = pytest.mark.usefixtures("programs")
 
 SOLVER = SolverOptions()
@@ -64,11 +63,8 @@ def stress_at(program: Program, coordinate: FloatArray) -> FloatArray:
 def assert_jacobian_at_three_points(program: Program, names: Sequence[str]) -> None:
     rng = np.random.default_rng(12)
     for _ in range(3):
-        assert_jacobian_is_that_of_the_map(
-            program,
-            rng.standard_normal(len(names)),
-            lambda columns: np.array([parameter_in(columns, name) for name in names]),
-        )
+        point = rng.standard_normal(len(names))
+        assert_jacobian_is_that_of_the_map(program, point, parameters_named(names))
 
 
 OTHERS = [*VARIANTS, {"residuals": "discrepancy"}]

@@ -5,7 +5,6 @@ from pathlib import Path
 
 import history_oracle
 import numpy as np
-import numpy.typing as npt
 import oracle
 import oscillation_oracle
 import pytest
@@ -13,7 +12,7 @@ from conftest import ICE
 from evaluated_laws import names_of, value_of
 from history_twins import BACKSTRESS, GRAIN_SIZE, SECOND, TEMPERATURE, THIRD, TRUTH, history_twin
 from ice_spectrum import PERIODS, ice_spectrum
-from jacobians import assert_jacobian_is_that_of_the_map
+from jacobians import assert_jacobian_is_that_of_the_map, parameters_named
 from log_density import assert_gradient_along, program_with
 from stan_data import parameters_in
 
@@ -25,6 +24,7 @@ from pyburgers import (
     load_experiment,
     normal,
 )
+from pyburgers.common.array_types import FloatArray
 from pyburgers.common.errors import InputError
 from pyburgers.kinds.attenuation.files import load_attenuation
 from pyburgers.kinds.experiment import Experiment
@@ -42,7 +42,6 @@ from pyburgers.model.variants import variant_of, with_variant
 from pyburgers.predictions.stated_laws import laws_of
 
 OLIVINE = ICE.parent / "olivine" / "olivine_twin.toml"
-FloatArray = npt.NDArray[np.float64]
 pytestmark = pytest.mark.usefixtures("programs")
 
 EXACT = SolverOptions(tolerance=1e-12, max_num_steps=10_000_000)
@@ -201,11 +200,7 @@ def test_the_rate_of_all_mechanisms_is_sampled(
     program = program_with(problem.likelihood.program, data, tmp_path)
     rng = np.random.default_rng(4)
     point = data["unit"] * rng.standard_normal(data["n_coordinates"])
-
-    def free(columns: Mapping[str, float]) -> FloatArray:
-        values = parameters_in(columns)
-        return np.array([values[name] for name in problem.free])
-
+    free = parameters_named(problem.free)
     values = parameters_in(assert_jacobian_is_that_of_the_map(program, point, free))
     (coordinates,) = problem.coordinates
     place = coordinates.quantities.index(problem.likelihood.reference.name)

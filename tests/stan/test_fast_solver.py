@@ -15,6 +15,7 @@ import pytest
 
 from pyburgers import SolverOptions, load_experiment, load_priors, with_variant
 from pyburgers.cmdstan.program import Density, Program, load_program
+from pyburgers.common.array_types import FloatArray
 from pyburgers.common.errors import SamplingError
 from pyburgers.fitting.charts_at_modes import draw_priors
 from pyburgers.kinds.problem import Problem, problem_of
@@ -22,8 +23,6 @@ from pyburgers.kinds.program_data import density_of, program_data
 from pyburgers.kinds.stan_data import REFERENCE_SOLVER, StanData, solver_block
 from pyburgers.model.arrhenius import GAS_CONSTANT
 from pyburgers.model.parameters import PROGRAM_PARAMETERS
-
-FloatArray = npt.NDArray[np.float64]
 
 VALUES = Path(__file__).parent / "solver_values.stan"
 REPOSITORY = Path(__file__).parents[2]

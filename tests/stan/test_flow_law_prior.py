@@ -18,6 +18,7 @@ from stan_data import one_test_data
 from pyburgers.checks.prior_influence import prior_influence
 from pyburgers.cli.main import main
 from pyburgers.cmdstan.program import load_program
+from pyburgers.common.array_types import FloatArray
 from pyburgers.common.draws import all_draws
 from pyburgers.common.errors import InputError
 from pyburgers.fitting.fit import Fit, fit
@@ -49,7 +50,6 @@ from pyburgers.sampling.options import SamplerOptions
 
 pytestmark = pytest.mark.usefixtures("programs")
 
-FloatArray = npt.NDArray[np.float64]
 
 OLIVINE = ICE.parent / "olivine" / "olivine_twin.toml"
 

@@ -1,27 +1,24 @@
 """The point of the flow law that plain coordinates of a loading history hold (hyperbolic sine)."""
 
-from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 import oracle
 import pytest
 from conftest import DUNITE
 from halite import LAWS, RECORD, SINE, SINE_HARDENING, halite_priors
-from jacobians import assert_jacobian_is_that_of_the_map
+from jacobians import assert_jacobian_is_that_of_the_map, parameters_named
 from log_density import Program, program_with
 from stan_data import parameters_in
 
+from pyburgers.common.array_types import FloatArray
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.files import load_loading_history
 from pyburgers.kinds.loading_history.stan_data import strain_scale, stress_scale
 from pyburgers.kinds.problem import Problem, problem_of
 from pyburgers.kinds.program_data import program_data
 from pyburgers.kinds.stan_data import SolverOptions
-
-FloatArray = npt.NDArray[np.float64]
 
 
 def few_readings(name: str) -> Problem:
@@ -79,9 +76,4 @@ def test_it_is_the_rate_of_the_material_that_the_law_is_written_for(
 def test_the_jacobian_is_that_of_the_map(tmp_path: Path) -> None:
     problem = few_readings(SINE_HARDENING)
     program, at = program_and_point(problem, tmp_path)
-
-    def free(columns: Mapping[str, float]) -> FloatArray:
-        values = parameters_in(columns)
-        return np.array([values[name] for name in problem.free])
-
-    assert_jacobian_is_that_of_the_map(program, at, free)
+    assert_jacobian_is_that_of_the_map(program, at, parameters_named(problem.free))

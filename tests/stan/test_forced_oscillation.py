@@ -3,8 +3,6 @@
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
-import oracle
 import pytest
 from conftest import ICE, FunctionValues
 from oscillation_records import part_of, with_record
@@ -13,23 +11,20 @@ from scipy.stats import multivariate_normal, norm
 from stan_values import CHARTS
 
 from pyburgers.cmdstan.program import load_program
+from pyburgers.common.array_types import FloatArray
 from pyburgers.kinds.forced_oscillation.experiment import OscillationExperiment, with_background
 from pyburgers.kinds.forced_oscillation.files import load_forced_oscillation
 from pyburgers.kinds.forced_oscillation.preparation import (
-    OscillationRecord,
     OscillationSettings,
 )
-from pyburgers.kinds.forward import simulate
 from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.kinds.problem import one_test
 from pyburgers.kinds.program_data import given_parameters, program_data, solve
 from pyburgers.kinds.stan_data import REFERENCE_SOLVER
 
-FloatArray = npt.NDArray[np.float64]
 pytestmark = pytest.mark.usefixtures("programs")
 
 TWIN_FILE = ICE.parent / "olivine" / "olivine_twin.toml"
-TEMPERATURE = 1423.0
 PERIOD = 300.0
 NOISE = 4e6  # Pa, of the twin
 
@@ -55,42 +50,6 @@ def truth() -> dict[str, float]:
     return dict(load_forced_oscillation(TWIN_FILE).true_parameters or {})
 
 
-def linear_parameters() -> dict[str, float]:
-    """A linear dashpot of 2e12 Pa s beside the springs of the twin."""
-    parameters = truth() | {"stress_exponent": 1.0, "grain_size_exponent": 0.0}
-    parameters["beta"] = -np.log(2e12) / parameters["activation_enthalpy"] + 1 / (
-        oracle.GAS_CONSTANT * TEMPERATURE
-    )
-    return parameters
-
-
-def sinusoid() -> OscillationExperiment:
-    """Return a test at a strain without noise: one sinusoid and a constant background rate."""
-    time = np.arange(0.0, 1800.0, 9.0)
-    angle = 2 * np.pi * time / PERIOD
-    spread = np.ones_like(time)
-    record = OscillationRecord(
-        strain_time=time,
-        strain=1e-3 * np.sin(angle) + 5e-4 * np.cos(angle) + 1e-6 * time,
-        strain_uncertainty=1e-5 * spread,
-        stress_time=time,
-        stress=20e6 + 50e6 * np.sin(angle + 1.0),
-        stress_uncertainty=4e6 * spread,
-    )
-    test = replace(load_forced_oscillation(TWIN_FILE), spin_up_cycles=30)
-    return with_record(test, record, OscillationSettings(PERIOD, 1, 0, "removed"))
-
-
-def test_settled_linear_stress_is_that_of_the_complex_modulus() -> None:
-    solution = simulate(sinusoid(), linear_parameters())
-    omega = 2 * np.pi / PERIOD
-    modulus = oracle.burgers_modulus(linear_parameters(), TEMPERATURE, omega)
-    # 1e-3 sin + 5e-4 cos is the imaginary part of (1e-3 + 5e-4 i) exp(i w t).
-    amplitude = modulus * (1e-3 + 5e-4j)
-    expected = np.imag(amplitude * np.exp(1j * omega * solution["time_s"].to_numpy()))
-    np.testing.assert_allclose(solution["stress_Pa"], expected, atol=1e-7 * abs(amplitude), rtol=0)
-
-
 def test_strains_of_the_elements_add_up(twin: OscillationExperiment) -> None:
     """The dashpot's strain, by quadrature of its rate, is what the springs leave over."""
     parameters = truth()
@@ -102,21 +61,6 @@ def test_strains_of_the_elements_add_up(twin: OscillationExperiment) -> None:
         dashpot = simpson(draw["grid_dashpot_rate"][: last + 1], x=time[: last + 1])
         total = sprung[last] - sprung[0] + dashpot
         assert total == pytest.approx(strain[last] - strain[0], abs=1e-10)
-
-
-def test_grains_follow_the_piezometer_whichever_way_the_strain_runs(
-    twin: OscillationExperiment,
-) -> None:
-    """They grow where they are smaller than the stress wants, in both half cycles."""
-    solution = simulate(twin, truth())
-    grain_size, stress = (solution[name].to_numpy() for name in ("grain_size_m", "stress_Pa"))
-    wanted = np.array([oracle.piezometer(s) for s in stress])
-    strained = np.diff(solution["strain"])
-    smaller = np.maximum(grain_size[1:], grain_size[:-1]) < np.minimum(wanted[1:], wanted[:-1])
-    for direction in (strained > 0, strained < 0):
-        assert np.sum(smaller & direction) > 50
-        assert np.all(np.diff(grain_size)[smaller & direction] > 0)
-    assert grain_size[0] == pytest.approx(twin.initial_grain_size, rel=1e-3)
 
 
 def test_the_trend_that_is_removed_is_that_of_the_residuals() -> None:
@@ -250,16 +194,6 @@ def spin_up_effect(
     )
     change: FloatArray = np.abs(one[name] - other[name]) / NOISE
     return change
-
-
-def test_a_loose_solver_is_far_below_the_noise(twin: OscillationExperiment) -> None:
-    """The tolerance that oscillating tests are sampled at."""
-    time = twin.prepared.time
-    exact, loose = (
-        solve(twin, truth(), time, solver=replace(REFERENCE_SOLVER, tolerance=tolerance))
-        for tolerance in (1e-10, 1e-4)
-    )
-    assert np.abs(exact["response_model"] - loose["response_model"]).max() < 0.05 * NOISE
 
 
 def test_dashpot_compliance_is_log_linear_between_solutions_and_beyond(

@@ -5,7 +5,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 import oracle
 import pytest
 from conftest import ICE, FunctionValues
@@ -20,7 +19,6 @@ from pyburgers.kinds.forward import check_parameters, simulate
 from pyburgers.kinds.stan_data import REFERENCE_SOLVER
 from pyburgers.model.priors import default_priors
 
-FloatArray = npt.NDArray[np.float64]
 pytestmark = pytest.mark.usefixtures("programs")
 
 
@@ -44,36 +42,6 @@ def test_peak_agrees_with_the_independent_table(name: str) -> None:
     stress, at = PEAKS[name]
     assert solution["stress_Pa"].max() / 1e6 == pytest.approx(stress, rel=2e-3)
     assert strain[solution["stress_Pa"].argmax()] == pytest.approx(at, abs=3e-4)
-
-
-def test_stress_becomes_steady_at_large_strain() -> None:
-    parameters = TRUTH | {
-        "critical_strain_grain_size": 0.05,
-        "critical_strain_fabric": 0.05,
-    }
-    rate = 1.69e-4
-    solution = simulate(imagined_curve([(0.0, rate)], 2.0), parameters, at=np.array([1.5, 2.0]))
-    steady = parameters["steady_state_fabric_factor"] * (
-        rate
-        * parameters["steady_state_grain_size"] ** parameters["grain_size_exponent"]
-        / oracle.rate_factor(parameters, 260.0)
-    ) ** (1 / parameters["stress_exponent"])
-    np.testing.assert_allclose(solution["stress_Pa"].iloc[-1], steady, rtol=1e-7)
-    np.testing.assert_allclose(
-        solution["kelvin_strain"].iloc[-1], steady / parameters["kelvin_modulus"], rtol=1e-7
-    )
-
-
-@pytest.mark.parametrize("start", [0.051, 0.0803, 1 / 30, 0.07])
-def test_a_reading_at_a_rate_step_is_the_end_of_the_segment_before(start: float) -> None:
-    """Readings a rounding error beside the step count as readings at the step."""
-    parameters = TRUTH
-    test = imagined_curve([(0.0, 1e-4), (start, 1e-5)], 0.1)
-    beside = np.array([np.nextafter(start, 0), start, np.nextafter(start, 1)])
-    solution = simulate(test, parameters, at=np.append(beside, 0.1))
-    np.testing.assert_allclose(
-        solution["stress_Pa"].iloc[:-1], solution["stress_Pa"].iloc[0], rtol=1e-9
-    )
 
 
 def random_schedule(rng: np.random.Generator) -> list[tuple[float, float]]:

@@ -5,7 +5,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from conftest import FunctionValues
 from history_twins import history_twin
@@ -19,6 +18,7 @@ from truth_as_mode import at_truth
 
 from pyburgers.cmdstan.program import load_program
 from pyburgers.cmdstan.toolchain import stan_directory
+from pyburgers.common.array_types import FloatArray
 from pyburgers.kinds.loading_history.experiment import HistoryExperiment
 from pyburgers.kinds.loading_history.stages import Stage
 from pyburgers.kinds.loading_history.stan_data import ELEMENT_ERROR, elements_block
@@ -32,8 +32,6 @@ from pyburgers.model.parameters import PROGRAM_PARAMETERS
 from pyburgers.model.prior_families import fixed_prior
 from pyburgers.model.priors import PriorSet, default_priors
 from pyburgers.model.variants import with_variant
-
-FloatArray = npt.NDArray[np.float64]
 
 VALUES = Path(__file__).with_name("loading_history_values.stan")
 GRAIN_SIZE, TEMPERATURE = 2e-4, 263.0

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import oracle
 import pytest
 from conftest import ICE, write_problem
@@ -22,7 +21,6 @@ from pyburgers.model.priors import load_priors
 from pyburgers.predictions.attenuation import attenuation_spectrum, predict_attenuation
 from pyburgers.predictions.stress_cycles import Regime
 
-FloatArray = npt.NDArray[np.float64]
 pytestmark = pytest.mark.usefixtures("programs")
 
 
@@ -75,15 +73,6 @@ def test_stress_cycles_and_attenuation_agree_with_quadrature(regime: Regime) -> 
     held, after = cycle["dashpot_strain"]
     assert held == pytest.approx(hold * dashpot_rate(parameters, regime.median_stress), rel=1e-8)
     assert after - held == pytest.approx(drift, rel=1e-7)
-
-
-def test_the_attenuation_of_a_power_law_is_the_limit() -> None:
-    far = {name: np.array([value]) for name, value in truth(breakdown_stress=1e12).items()}
-    sine, power_law = (
-        attenuation_spectrum(draws, [1e-3], REGIMES, **CONDITIONS)["tan_delta"].to_numpy()
-        for draws in (far, {**far, "breakdown_stress": np.array([0.0])})
-    )
-    np.testing.assert_allclose(sine, power_law, rtol=1e-9)
 
 
 def test_a_breakdown_far_below_the_stress_is_solved_or_refused_but_never_nan() -> None:

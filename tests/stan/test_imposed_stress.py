@@ -3,22 +3,17 @@
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import oracle
 import pytest
-from conftest import FunctionValues
 from imposed_stress import (
     settled_times,
     simulate_imposed_stress,
     simulated_phase_lag,
 )
-from stan_values import PHYSICS
 
 from pyburgers.common.errors import SamplingError
 from pyburgers.predictions.attenuation import attenuation_spectrum
 from pyburgers.predictions.stress_cycles import PAPER_REGIMES, Regime
-
-FloatArray = npt.NDArray[np.float64]
 
 CONDITIONS: dict[str, Any] = {"temperature": 260.0, "grain_size": 180e-6, "fabric_factor": 0.7}
 FREQUENCIES = (1e-4, 1e-3, 1e-2)
@@ -81,35 +76,6 @@ def test_stress_that_changes_sign_has_the_phase_of_the_closed_form() -> None:
     assert found.tan_delta == pytest.approx(
         exact_tan_delta(parameters, regime, frequency), rel=1e-4
     )
-
-
-def test_the_flow_law_in_the_spectrum_is_that_of_stan(function_values: FunctionValues) -> None:
-    """B from Stan's dashpot rates over a period of stress, against that of the spectrum."""
-    flow = {
-        **{name: ICE[name] for name in ("activation_enthalpy", "beta", "grain_size_exponent")},
-        "stress_exponent": 3.779,
-        "temperature": 255.0,
-        "grain_size": 180e-6,
-        "fabric_factor": 0.7,
-    }
-    regime = PAPER_REGIMES[3]
-    angle = 2 * np.pi * np.arange(400) / 400
-    stress = regime.median_stress + regime.amplitude * np.sin(angle)
-    values = function_values(
-        "physics_values", {**PHYSICS, **flow, "n_stresses": 400, "stress": stress.tolist()}
-    )
-    expected = 2 / 400 * np.sum(values["dashpot_rate"] * np.sin(angle)) / regime.amplitude
-    elements = {"maxwell_modulus": 4e9, "kelvin_modulus": 5e8, "kelvin_viscosity": 0.0}
-    spectrum = attenuation_spectrum(
-        {**elements, **{name: flow[name] for name in ICE if name in flow}},
-        [1.0],
-        [regime],
-        temperature=255.0,
-        grain_size=180e-6,
-        fabric_factor=0.7,
-    )
-    fluidity = 2 * np.pi * float(spectrum["loss_compliance"].item())
-    assert fluidity == pytest.approx(expected, rel=1e-11)
 
 
 def test_the_hold_is_creep_under_constant_stress() -> None:

@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from conftest import ICE, resolved_priors, valley_of
 from jacobians import assert_jacobian_is_that_of_the_map
@@ -15,6 +14,7 @@ from oscillation_pair import oscillation_pair
 from scipy import stats
 from stan_data import one_test_data, parameter_in, parameters_in, sheared_reference
 
+from pyburgers.common.array_types import FloatArray
 from pyburgers.kinds.constant_rate.files import load_constant_rate
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.forced_oscillation.experiment import OscillationExperiment
@@ -24,7 +24,6 @@ from pyburgers.kinds.stan_data import SolverOptions
 from pyburgers.model.pooling import pooling_of
 from pyburgers.model.priors import default_priors
 
-FloatArray = npt.NDArray[np.float64]
 pytestmark = pytest.mark.usefixtures("programs")
 
 SOLVER = SolverOptions(tolerance=1e-10, max_num_steps=1_000_000)

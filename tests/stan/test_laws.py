@@ -11,7 +11,6 @@ from pathlib import Path
 
 import history_oracle
 import numpy as np
-import numpy.typing as npt
 import oracle
 import oscillation_oracle
 import pytest
@@ -24,6 +23,7 @@ from kind_examples import EXAMPLES
 from log_density import assert_gradient_along, program_of
 from stan_data import parameters_in
 
+from pyburgers.common.array_types import FloatArray
 from pyburgers.common.errors import InputError
 from pyburgers.kinds.attenuation.files import load_attenuation
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment
@@ -47,7 +47,6 @@ from pyburgers.model.variants import variant_of, with_variant
 from pyburgers.predictions.attenuation import attenuation_spectrum
 from pyburgers.predictions.stress_cycles import Regime
 
-FloatArray = npt.NDArray[np.float64]
 Schedule = Sequence[tuple[float, float]]
 pytestmark = pytest.mark.usefixtures("programs")
 

@@ -8,7 +8,6 @@ from typing import Any
 import history_oracle
 import history_twins
 import numpy as np
-import numpy.typing as npt
 import oracle
 import pytest
 from history_oracle import BACKSTRESS as BACKSTRESS_ROW
@@ -22,10 +21,9 @@ from history_twins import (
 )
 
 from pyburgers.cmdstan.program import load_program
+from pyburgers.common.array_types import FloatArray
 from pyburgers.kinds.loading_history.stages import Leg
 from pyburgers.model.parameters import PROGRAM_PARAMETERS, STANDARD_VALUES
-
-FloatArray = npt.NDArray[np.float64]
 
 VALUES = Path(__file__).parent / "loading_history_values.stan"
 TEMPERATURE = 263.0

@@ -5,12 +5,12 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from conftest import SMALL_RUN, Problem
 
 from pyburgers.cmdstan.draw_files import read_draws
 from pyburgers.cmdstan.program import Density, load_program
+from pyburgers.common.array_types import FloatArray
 from pyburgers.comparison.marginal_likelihood import log_marginal_likelihood
 from pyburgers.fitting.fit import Fit, fit_problem
 from pyburgers.kinds.constant_rate.likelihood import LIKELIHOOD as CONSTANT_RATE
@@ -18,7 +18,6 @@ from pyburgers.kinds.problem import problem_of
 from pyburgers.kinds.stan_data import REFERENCE_SOLVER, solver_block
 from pyburgers.model.pooling import pooling_of
 
-FloatArray = npt.NDArray[np.float64]
 pytestmark = pytest.mark.usefixtures("programs")
 
 

@@ -4,11 +4,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rate_oracle import GOLDSBY_KOHLSTEDT_2001, FloatArray, PowerLaw, composite_rate
+from rate_oracle import GOLDSBY_KOHLSTEDT_2001, PowerLaw, composite_rate
 
 import pyburgers
 from pyburgers.cmdstan.program import load_program
 from pyburgers.cmdstan.toolchain import stan_directory
+from pyburgers.common.array_types import FloatArray
 from pyburgers.common.errors import InputError
 from pyburgers.flow_law_tables.fit import RateFit
 from pyburgers.flow_law_tables.fit_rates import fit_rates

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from conftest import ICE, TABLE_RUN
 from rate_oracle import (
@@ -23,6 +22,7 @@ from scipy import stats
 from pyburgers.checks.fit_checks import Outcome
 from pyburgers.cmdstan.program import Program, load_program
 from pyburgers.cmdstan.toolchain import stan_directory
+from pyburgers.common.array_types import FloatArray
 from pyburgers.common.draws import all_draws
 from pyburgers.common.errors import InputError
 from pyburgers.drawing.style import image
@@ -34,8 +34,6 @@ from pyburgers.flow_law_tables.table_files import load_rate_table
 from pyburgers.flow_law_tables.tables import RateTable
 from pyburgers.kinds.experiment import Provenance
 from pyburgers.page.rate_section import law_figure, law_table, rate_section, residual_figure
-
-FloatArray = npt.NDArray[np.float64]
 
 FAN = ICE / "rates" / "fan_2020.toml"
 
@@ -175,28 +173,6 @@ def test_rates_of_published_laws(
     expected = np.log(composite_rate(laws, pairs, stress, size, temperature))
     # Files of draws have as many digits as a double.
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-10)
-
-
-def test_rates_above_the_premelting_temperature_have_another_enthalpy(program: Program) -> None:
-    law = rate_law("ice_power_law")
-    warm = replace(law.mechanisms[0], premelting_temperature=260.0)
-    law = replace(law, mechanisms=(warm,)).at(
-        **{"activation_enthalpy[creep]": 60e3, "premelting_enthalpy[creep]": 150e3}
-    )
-    data = rate_data(conditions(3, 1, n_sources=1), law)
-    temperature = [250.0, 260.0, 270.0]
-    cold, kink, hot = program.evaluate(
-        {
-            **data,
-            "n_grid": 3,
-            "grid_stress": [1e6] * 3,
-            "grid_grain_size": [1e-3] * 3,
-            "grid_temperature": temperature,
-        },
-        NO_COORDINATES,
-    )["grid_log_rate"]
-    assert kink - cold == pytest.approx(60e3 / GAS_CONSTANT * (1 / 250 - 1 / 260), rel=1e-9)
-    assert hot - kink == pytest.approx(150e3 / GAS_CONSTANT * (1 / 260 - 1 / 270), rel=1e-9)
 
 
 def oracle_log_likelihood(data: RateTable, values: Mapping[str, Any]) -> FloatArray:

@@ -3,19 +3,17 @@
 from collections.abc import Mapping
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from conftest import FunctionValues
 from relaxation_oracle import band_oracle, compliance_oracle, creep_oracle, parts, peak_oracle
 from stan_values import PHYSICS
 
+from pyburgers.common.array_types import FloatArray
 from pyburgers.model.arrhenius import log_slowdown
 from pyburgers.model.closed_forms import closed_forms
 from pyburgers.model.kelvin_elements import band_elements, peak_elements
 from pyburgers.model.laws import KELVIN_LAWS
 from pyburgers.model.parameters import PROGRAM_PARAMETERS
-
-FloatArray = npt.NDArray[np.float64]
 
 N_SETS = 200
 BOUNDS = {

@@ -7,11 +7,10 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from charts_at_modes import chart_at_mode
 from conftest import ICE, fixed, resolved_priors, with_fixed, with_priors
-from jacobians import assert_jacobian_is_that_of_the_map
+from jacobians import assert_jacobian_is_that_of_the_map, parameters_named
 from kind_examples import short_twin
 from log_density import Program, program_with
 from oscillation_records import with_record
@@ -21,6 +20,7 @@ from truth_as_mode import at_truth
 
 from pyburgers.cmdstan.program import Density, load_program
 from pyburgers.cmdstan.program import Program as CompiledProgram
+from pyburgers.common.array_types import FloatArray
 from pyburgers.common.errors import InputError
 from pyburgers.fitting.charts_at_modes import ChosenChart, ProblemMode
 from pyburgers.kinds.forced_oscillation.experiment import (
@@ -51,7 +51,6 @@ from pyburgers.model.prior_families import Prior
 from pyburgers.model.priors import PriorSet, default_priors, load_priors
 from pyburgers.sbc.data_sets import calibration_priors, simulate_from_prior
 
-FloatArray = npt.NDArray[np.float64]
 pytestmark = pytest.mark.usefixtures("programs")
 
 KEPT_TEMPLATE = ICE.parent / "calibration" / "olivine_kept.toml"
@@ -127,10 +126,6 @@ def density_less_jacobian(columns: Mapping[str, float]) -> float:
     return columns["log_density"] - columns["log_jacobian"]
 
 
-def vector(columns: Mapping[str, float], name: str, size: int) -> FloatArray:
-    return np.array([columns[f"{name}.{k + 1}"] for k in range(size)])
-
-
 def sheared_truth(
     experiment: OscillationExperiment, priors: PriorSet, reference: ShearedReference = REFERENCE
 ) -> FloatArray:
@@ -150,33 +145,11 @@ def scattered(centre: FloatArray, seed: int, number: int) -> FloatArray:
     return points
 
 
-def test_plain_and_sheared_densities_differ_by_the_jacobian(
-    short: OscillationExperiment, tmp_path: Path
-) -> None:
-    """That of a whole record is held by tests/kinds/contract.py, in either system."""
-    priors = resolved_priors(short)
-    plain, sheared = (program_in(short, priors, system, tmp_path) for system in (None, REFERENCE))
-    for point in scattered(sheared_truth(short, priors), seed=6, number=8):
-        there = sheared.values_at(point)
-        here = plain.values_at(vector(there, "plain_coordinate", point.size))
-        for name in FREE:
-            assert parameter_in(there, name) == pytest.approx(parameter_in(here, name), rel=1e-9)
-        assert density_less_jacobian(there) == pytest.approx(density_less_jacobian(here), rel=1e-6)
-        # The generated coordinates invert the map, from either side.
-        np.testing.assert_allclose(
-            vector(there, "sheared_coordinate", point.size), point, rtol=1e-7, atol=1e-7
-        )
-
-
 def test_log_jacobian_is_that_of_the_map(short: OscillationExperiment, tmp_path: Path) -> None:
     priors = resolved_priors(short)
     program = program_in(short, priors, REFERENCE, tmp_path)
     for point in scattered(sheared_truth(short, priors), seed=7, number=2):
-        assert_jacobian_is_that_of_the_map(
-            program,
-            point,
-            lambda columns: np.array([parameter_in(columns, name) for name in FREE]),
-        )
+        assert_jacobian_is_that_of_the_map(program, point, parameters_named(FREE))
 
 
 def assert_coordinates_work(

@@ -7,7 +7,6 @@ from typing import Any
 
 import conftest
 import numpy as np
-import numpy.typing as npt
 import oracle
 import pytest
 from conftest import ICE, TABLE_RUN
@@ -17,6 +16,7 @@ from scipy import stats
 from pyburgers.checks.fit_checks import Outcome
 from pyburgers.cmdstan.program import load_program
 from pyburgers.cmdstan.toolchain import stan_directory
+from pyburgers.common.array_types import FloatArray
 from pyburgers.common.draws import all_draws
 from pyburgers.common.errors import InputError
 from pyburgers.drawing.style import image
@@ -41,8 +41,6 @@ from pyburgers.model.prior_families import Prior, fixed_prior
 from pyburgers.model.priors import FLOW_LAW, PriorSet, default_priors, with_flow_law
 from pyburgers.page.rate_section import law_figure, law_table, rate_section
 from pyburgers.sampling.options import SamplerOptions
-
-FloatArray = npt.NDArray[np.float64]
 
 SOFTENING = SofteningPrior(
     coefficients=np.array([[-3, 0.3, 0.8], [0.1, 0, 0.2], [-0.5, 0.1, 0], [0.2, 0, 0.3]]),

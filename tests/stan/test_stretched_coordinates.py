@@ -5,7 +5,6 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from conftest import ICE, with_fixed
 from log_density import program_with
@@ -13,6 +12,7 @@ from stan_data import one_test_data
 from truth_as_mode import at_truth
 
 from pyburgers.cmdstan.program import Density, load_program
+from pyburgers.common.array_types import FloatArray
 from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
 from pyburgers.kinds.attenuation.files import load_attenuation
 from pyburgers.kinds.attenuation.likelihood import WIDE, StretchedChart, StretchedReference
@@ -25,7 +25,6 @@ from pyburgers.model.priors import PriorSet, default_priors
 from pyburgers.model.variants import with_variant
 from pyburgers.sbc.data_sets import simulate_from_prior
 
-FloatArray = npt.NDArray[np.float64]
 pytestmark = pytest.mark.usefixtures("programs")
 
 TABLE = ICE.parent / "olivine" / "attenuation_A1802.toml"

@@ -5,17 +5,17 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from conftest import ICE
 from history_twins import PIEZOMETER
-from jacobians import assert_jacobian_is_that_of_the_map
+from jacobians import assert_jacobian_is_that_of_the_map, parameters_named
 from kind_examples import short_twin
 from log_density import Program, assert_gradient_is_slope, program_with
 from scipy import stats
 from stan_data import parameters_in
 from truth_as_mode import problem_at_truth
 
+from pyburgers.common.array_types import FloatArray
 from pyburgers.kinds.experiment import Experiment, UncertainCondition
 from pyburgers.kinds.forced_oscillation.experiment import OscillationExperiment
 from pyburgers.kinds.forced_oscillation.files import load_forced_oscillation
@@ -28,7 +28,6 @@ from pyburgers.model.pooling import pooling_of
 from pyburgers.model.priors import default_priors
 from pyburgers.model.variants import with_variant
 
-FloatArray = npt.NDArray[np.float64]
 pytestmark = pytest.mark.usefixtures("programs")
 
 TIGHT = SolverOptions(tolerance=1e-12, max_num_steps=1_000_000)
@@ -169,12 +168,7 @@ def test_the_jacobian_is_that_of_the_map(source: Path, system: str, tmp_path: Pa
     # The map knows of no solution.
     program, centre = program_in(problem, system, tmp_path, SolverOptions())
     start = centre + 0.2 * np.random.default_rng(7).standard_normal(centre.size)
-
-    def parameters(columns: Mapping[str, float]) -> FloatArray:
-        values = parameters_in(columns)
-        return np.array([values[name] for name in problem.free])
-
-    assert_jacobian_is_that_of_the_map(program, start, parameters)
+    assert_jacobian_is_that_of_the_map(program, start, parameters_named(problem.free))
 
 
 @pytest.mark.parametrize("kelvin", ["linear", "power_law"])

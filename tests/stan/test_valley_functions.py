@@ -4,13 +4,13 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from conftest import FunctionValues
 from scipy.special import expit, logit
 from stan_values import CHARTS
 
-FloatArray = npt.NDArray[np.float64]
+from pyburgers.common.array_types import FloatArray
+
 pytestmark = pytest.mark.usefixtures("programs")
 
 PLACES = np.arange(-6.0, 7.0)

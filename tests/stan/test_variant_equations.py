@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 import oracle
 import pytest
 from conftest import FunctionValues
@@ -14,9 +13,9 @@ from scipy import stats
 from scipy.integrate import solve_ivp
 from stan_values import PHYSICS
 
+from pyburgers.common.array_types import FloatArray
 from pyburgers.predictions.stress_cycles import Regime
 
-FloatArray = npt.NDArray[np.float64]
 pytestmark = pytest.mark.usefixtures("programs")
 
 

@@ -7,9 +7,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.integrate import quad
 
+from pyburgers.common.array_types import FloatArray
 from pyburgers.kinds.attenuation.experiment import AttenuationExperiment
-
-FloatArray = npt.NDArray[np.float64]
 
 GAS_CONSTANT = 8.314462618
 

@@ -3,14 +3,12 @@
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-import numpy.typing as npt
 import oracle
 from scipy.integrate import solve_ivp
 from scipy.special import lambertw
 
+from pyburgers.common.array_types import FloatArray
 from pyburgers.kinds.loading_history.stages import Leg
-
-FloatArray = npt.NDArray[np.float64]
 
 STRESS, STRAIN, KELVIN, DASHPOT, PATH, GRAINS, FABRIC, BACKSTRESS = range(8)
 """Rows of a solution: Pa, fractions, m, F and Pa."""

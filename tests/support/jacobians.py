@@ -1,16 +1,22 @@
 """The Jacobian that a program states, beside that of differences of its output."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from log_density import Program
+from stan_data import parameter_in
 
-FloatArray = npt.NDArray[np.float64]
+from pyburgers.common.array_types import FloatArray
+
 Columns = Mapping[str, float]
 STEP = 2e-4
 """Small enough for differences of second order: their error is a millionth of the third slope."""
+
+
+def parameters_named(names: Sequence[str]) -> Callable[[Columns], FloatArray]:
+    """Return what takes parameters (SI) of a test by itself from columns."""
+    return lambda columns: np.array([parameter_in(columns, name) for name in names])
 
 
 def assert_jacobian_is_that_of_the_map(

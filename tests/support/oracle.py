@@ -7,7 +7,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.integrate import solve_ivp
 
-FloatArray = npt.NDArray[np.float64]
+from pyburgers.common.array_types import FloatArray
+
 GAS_CONSTANT = 8.314462618  # J/mol/K
 
 
@@ -243,16 +244,3 @@ def oscillation(
         state = solution.y[:, -1]
     states: FloatArray = solution.y
     return states
-
-
-def burgers_modulus(
-    parameters: Mapping[str, float], temperature: float, angular_frequency: float
-) -> complex:
-    """Stress over strain (Pa) as complex amplitudes of exp(i w t), where n = 1 and p = 0."""
-    omega = 1j * angular_frequency
-    compliance = (
-        1 / parameters["maxwell_modulus"]
-        + 1 / (parameters["kelvin_modulus"] + omega * parameters["kelvin_viscosity"])
-        + rate_factor(parameters, temperature) / omega
-    )
-    return complex(1 / compliance)

@@ -7,10 +7,10 @@ the logarithm of its relaxation time, times omega or over the time since loading
 from collections.abc import Callable, Mapping
 
 import numpy as np
-import numpy.typing as npt
 from scipy.special import gamma
 
-FloatArray = npt.NDArray[np.float64]
+from pyburgers.common.array_types import FloatArray
+
 Answer = Callable[[FloatArray], FloatArray]
 
 

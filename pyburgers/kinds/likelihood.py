@@ -180,8 +180,13 @@ class Likelihood(ABC, Generic[E]):
             found["quantity"] = (experiment.quantity.astype(np.float64), "1")
         return found
 
-    def reading_noise(self, experiment: E, values: Mapping[str, FloatArray]) -> FloatArray:
-        """Return standard deviations of readings (SI), (n_draws, n_points), from parameters."""
+    def reading_noise(
+        self, experiment: E, values: Mapping[str, FloatArray], solved: FloatArray
+    ) -> FloatArray:
+        """Return standard deviations of readings (SI), from parameters and `solved` readings.
+
+        Both arrays have the shape (n_draws, n_points).
+        """
         noise = np.stack([values[self.read[k].noise] for k in experiment.quantity], axis=-1)
         # With a discrepancy of the law noise is the reading error alone.
         discrepancy = np.asarray(values.get("discrepancy", 0.0))[..., np.newaxis]

@@ -340,7 +340,7 @@ def _mean_log_density(
     solved = all_draws(response_in(prediction.posterior, "model_response"))
     group = prediction.posterior["posterior"].to_dataset()
     values = {str(name): all_draws(column) for name, column in group.items()}
-    noise = likelihood_of(experiment).reading_noise(experiment, values)
+    noise = likelihood_of(experiment).reading_noise(experiment, values, solved)
     solved, noise = solved[kept], noise[kept]
     limit, bounded = experiment.response_limit, is_upper_limit(experiment)
     if bounded.any():

@@ -316,11 +316,18 @@ class AttenuationLikelihood(Likelihood[AttenuationExperiment]):
         }
 
     def reading_noise(
-        self, experiment: AttenuationExperiment, values: Mapping[str, FloatArray]
+        self,
+        experiment: AttenuationExperiment,
+        values: Mapping[str, FloatArray],
+        solved: FloatArray,
     ) -> FloatArray:
-        """Return scatter and stated error of the logarithm of every reading together."""
-        scatter = super().reading_noise(experiment, values)
-        return np.asarray(np.hypot(scatter, experiment.stated_errors))
+        """Return scatter and stated error of the logarithm of every reading together.
+
+        An error of tan delta is over the solution, as in `stan/kinds/attenuation_response.stan`.
+        """
+        scatter = super().reading_noise(experiment, values, solved)
+        over = np.where(experiment.quantity == ATTENUATION, experiment.response - solved, 0.0)
+        return np.asarray(np.hypot(scatter, experiment.stated_errors * np.exp(over)))
 
 
 def stress_nodes(median_stress: float, amplitude: float) -> FloatArray:

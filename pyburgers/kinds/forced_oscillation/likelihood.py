@@ -306,10 +306,14 @@ class OscillationLikelihood(Likelihood[OscillationExperiment]):
         }
 
     def reading_noise(
-        self, experiment: OscillationExperiment, values: Mapping[str, FloatArray]
+        self,
+        experiment: OscillationExperiment,
+        values: Mapping[str, FloatArray],
+        solved: FloatArray,
     ) -> FloatArray:
         """Return the size of the noise for each reading, by its stated error."""
-        return super().reading_noise(experiment, values) * experiment.prepared.relative_uncertainty
+        noise = super().reading_noise(experiment, values, solved)
+        return np.asarray(noise * experiment.prepared.relative_uncertainty)
 
 
 def _of_all(values: Sequence[Any]) -> list[Any]:

@@ -23,6 +23,9 @@ in its distance from a lower bound.
 ALL = "all"
 """Stands for every parameter in an option."""
 
+STRENGTH = "peak_strength"
+"""Strength over 1/E_M: tests that share it, but not E_M, would have different delayed strains."""
+
 DEFAULT_KINDS: Mapping[str, Sharing] = {
     **{p.name: "shared" for p in PROGRAM_PARAMETERS if p.name not in CONSTANTS | CONDITIONS},
     "steady_state_grain_size": "partial",
@@ -100,6 +103,8 @@ def pooling_of(options: Mapping[str, str] | None = None) -> Pooling:
         kinds[name] = kind
         if kind == "partial":
             scales[name] = scale
+    if kinds["maxwell_modulus"] != "shared" and not {STRENGTH, ALL} & chosen.keys():
+        kinds[STRENGTH] = "separate"
     return Pooling(MappingProxyType(kinds), MappingProxyType(scales))
 
 

@@ -44,6 +44,15 @@ def test_options_change_what_they_name() -> None:
     assert pooling_from(pooling.record()) == pooling
 
 
+@pytest.mark.parametrize("kind", ["separate", "partial"])
+def test_tests_with_their_own_elastic_moduli_have_their_own_strength_over_them(kind: str) -> None:
+    own = {"maxwell_modulus": kind}
+    assert pooling_of().kinds["peak_strength"] == "shared"
+    assert pooling_of(own).kinds["peak_strength"] == "separate"
+    for said in ({"peak_strength": "shared"}, {"all": "shared"}):
+        assert pooling_of(own | said).kinds["peak_strength"] == "shared"
+
+
 def test_shared_coordinates_stand_once() -> None:
     joint = problem()
     layout = joint.layout

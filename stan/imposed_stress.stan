@@ -30,10 +30,15 @@ data {
 #include data/solver.stan
 }
 transformed data {
-  array[n_materials] vector[n_parameters()] material = parameter; // its modulus at the temperature
+  array[n_materials] vector[n_parameters()] material = parameter; // under the conditions
   for (k in 1 : n_materials) {
     material[k][i_maxwell_modulus()]
       = maxwell_modulus_at(parameter[k], rep_vector(temperature, 1))[1];
+    // Of the grain size at the start, as in loading histories.
+    material[k][i_kelvin_viscosity()]
+      = parameter[k][i_kelvin_viscosity()]
+        * (initial[k][1] / parameter[k][i_kelvin_reference_grain_size()])
+          ^ parameter[k][i_kelvin_grain_size_exponent()];
   }
 }
 generated quantities {

@@ -160,7 +160,7 @@ def solve_imposed_stress(
     """
     require_standard(
         parameters,
-        (*SPECTRUM_SWITCHES, "kelvin_grain_size_exponent"),
+        SPECTRUM_SWITCHES,
         "a Kelvin part of one relaxation time because a solution in time needs it; the closed form "
         "takes any",
     )

@@ -170,7 +170,9 @@ def fitted_material(
     described = _microstructure_text(microstructure, grain_size, fabric_factor)
     modulus = _modulus_text(elastic_modulus, elastic_modulus_sd)
     conditions = [f"{at:g} K", described]
-    conditions += [ranges_text(environment_ranges(environment))] if environment else []
+    there = {**experiment.environment, **environment}
+    acting = {name: there[name] for name in acting_environment(parameters) if name in there}
+    conditions += [ranges_text(environment_ranges(acting))] if acting else []
     conditions += [f"elastic modulus {modulus}"] if modulus else []
     about = f"{experiment.material}, fitted to {experiment.provenance.kind} data"
     return Material(

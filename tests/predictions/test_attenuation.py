@@ -26,6 +26,7 @@ from pyburgers.predictions.attenuation import (
     quantile_table,
     save_spectrum,
 )
+from pyburgers.predictions.material import fitted_material
 from pyburgers.predictions.stress_cycles import (
     PAPER_REGIMES,
     PARAMETER_NAMES,
@@ -413,9 +414,8 @@ def test_a_fit_predicts_at_a_pressure_on_which_its_rates_depend(fit: Fit) -> Non
     draws = posterior["posterior"].to_dataset()
     volume = xr.full_like(draws["kelvin_viscosity"], 6e-6)
     posterior["posterior"] = posterior["posterior"].assign(kelvin_activation_volume=volume)
-    deep = predict_attenuation(
-        replace(fit, posterior=posterior), SHORT, environment={"pressure": 3e8}
-    )
+    dependent = replace(fit, posterior=posterior)
+    deep = predict_attenuation(dependent, SHORT, environment={"pressure": 3e8})
     slower = np.exp(3e8 * 6e-6 / (oracle.GAS_CONSTANT * fit.experiment.temperature))
     own = draws_of(fit)
     expected = spectrum_of(
@@ -423,6 +423,11 @@ def test_a_fit_predicts_at_a_pressure_on_which_its_rates_depend(fit: Fit) -> Non
     )
     np.testing.assert_allclose(deep["tan_delta"], expected["tan_delta"], rtol=1e-9)
     assert "pressure 300 MPa" in deep.attrs["title"]
+    # Without one it is that of the test, which no other rate feels.
+    under = replace(fit.experiment, environment={"pressure": 2e8, "melt_fraction": 0.1})
+    problem = replace(fit.problem, experiments=(under,))
+    title = fitted_material(replace(dependent, problem=problem)).attributes["title"]
+    assert title.endswith("initial microstructure, pressure 200 MPa")
     for environment, message in (
         ({"melt_fraction": 0.1}, "found melt_fraction, on which no rate of the fit depends"),
         ({"presure": 1e8}, "unknown name 'presure'"),

@@ -317,8 +317,8 @@ def outside(
             rounding = TEMPERATURE_ROUNDING if name == "temperature" else ROUNDING
             is_below = low < least * (1 - rounding)
             if is_below or high > most * (1 + rounding):
-                there = _range(low, high, factor, from_zero=is_below)
-                phrases.append(f"{name} {there} {unit} (fitted: {_range(least, most, factor)})")
+                there = f"{_range(low, high, factor, from_zero=is_below)} {unit}".rstrip()
+                phrases.append(f"{name} {there} (fitted: {_range(least, most, factor)})")
     for key, name in zip(ENVIRONMENT, ENVIRONMENT_WORDS, strict=True):
         ends = [one[name] for one in fitted if name in one]
         taken = (STANDARD_VALUES[key],) * 2

@@ -354,6 +354,8 @@ def test_a_prediction_is_of_the_pressure_of_its_own_test(small_problem: Problem)
     ranges = {"pressure": (3e8, 3e8)}, {"pressure": (1e7, 1e7)}
     assert outside(ranges[0], [ranges[1]]) == ("pressure 300 MPa (fitted: 10)",)
     assert outside(ranges[0], [{}]) == ("pressure 300 MPa (fitted: not stated)",)
+    melt = [{"melt fraction": (share, share)} for share in (0.01, 0.02)]
+    assert outside(melt[1], melt[:1]) == ("melt fraction 0.02 (fitted: 0.01)",)
 
 
 def test_a_file_states_where_its_test_was_made(tmp_path: Path) -> None:

@@ -293,14 +293,28 @@ def test_densities_and_gradients_are_those_of_a_tight_solver(
     record_property("share handed over", float(handed_over))
     assert len(error) > 0.2 * n_sets
     assert handed_over <= MAX_HANDED_OVER
-    for one in (error, relative):
-        assert np.sum(one > MAX_ERROR) <= max(1, MAX_ABOVE * len(error))
-    far = np.flatnonzero(np.maximum(error, relative) > 30 * MAX_ERROR)
+    far = refuse_many_errors(error, relative)
     if far.size:
-        # Noise as small as the tolerance, for instance: Stan's solver errs by more.
-        density, gradient = sets.part(far).errors(SolverOptions(method="bdf"), exact[far])
-        assert np.all(error[far] < density)
-        assert np.all(relative[far] < gradient)
+        assert_larger(
+            sets.part(far).errors(SolverOptions(method="bdf"), exact[far]),
+            error[far],
+            relative[far],
+        )
+
+
+def refuse_many_errors(density: FloatArray, gradient: FloatArray) -> npt.NDArray[np.int64]:
+    """Refuse large errors in more than a few sets; return places of the largest."""
+    for one in (density, gradient):
+        assert np.sum(one > MAX_ERROR) <= max(1, MAX_ABOVE * len(one))
+    return np.flatnonzero(np.maximum(density, gradient) > 30 * MAX_ERROR)
+
+
+def assert_larger(
+    of_stan: tuple[FloatArray, FloatArray], density: FloatArray, gradient: FloatArray
+) -> None:
+    """Refuse errors unless Stan's solver errs by more, as with noise as small as the tolerance."""
+    assert np.all(density < of_stan[0])
+    assert np.all(gradient < of_stan[1])
 
 
 OSCILLATION_LAWS = (*LAWS, {"kelvin": "power_law", "maxwell": "hyperbolic_sine"}, *MECHANISMS)
@@ -315,22 +329,33 @@ def test_those_of_oscillations_are_as_well(
     priors = with_variant(load_priors(REPOSITORY / "data/priors/olivine.toml"), experiment, laws)
     problem = problem_of([experiment], priors)
     exact = density_of(problem, REFERENCE_SOLVER)
-    rng = np.random.default_rng(1)
-    errors = []
-    for point in rng.standard_normal((n_sets, problem.layout.size)):
-        response = exact.variables_at(point)["response_model"]
-        noise = 0.05 * np.ptp(response) * rng.standard_normal(response.size)
-        own, fast, none = (
-            exact.with_data({**solver_block(solver), "stress_observed": response + noise})
-            for solver in (REFERENCE_SOLVER, SolverOptions(), SolverOptions(max_num_steps=1))
-        )
-        density = fast.at(point[np.newaxis]) - own.at(point[np.newaxis])
-        gradient = own.gradients(point[np.newaxis])
-        away = np.linalg.norm(fast.gradients(point[np.newaxis]) - gradient)
-        assert np.isfinite(none.at(point[np.newaxis])).all()
-        errors.append([abs(density[0]), away / np.linalg.norm(gradient)])
-    largest = np.max(errors, axis=0)
-    record_property("largest error of a log density", float(largest[0]))
-    record_property("largest error of a gradient", float(largest[1]))
-    print(background, laws, largest)
-    assert np.all(largest < MAX_ERROR)
+    points = np.random.default_rng(1).standard_normal((n_sets, problem.layout.size))
+    # Readings have the noise of their set.
+    readings = [exact.variables_at(point)["response_replicated"] for point in points]
+
+    def errors(
+        solver: SolverOptions, places: npt.NDArray[np.int64]
+    ) -> tuple[FloatArray, FloatArray]:
+        """Errors of log densities, and of gradients over the norms of exact ones."""
+        found = []
+        for k in places:
+            own, other = (
+                exact.with_data({**solver_block(one), "stress_observed": readings[k]})
+                for one in (REFERENCE_SOLVER, solver)
+            )
+            point = points[k : k + 1]
+            gradient = own.gradients(point)
+            away = np.linalg.norm(other.gradients(point) - gradient)
+            density = (other.at(point) - own.at(point)).item()
+            found.append((abs(density), away / np.linalg.norm(gradient)))
+        return np.array(found)[:, 0], np.array(found)[:, 1]
+
+    error, relative = errors(SolverOptions(), np.arange(n_sets))
+    record_property("largest error of a log density", float(error.max()))
+    record_property("largest error of a gradient", float(relative.max()))
+    far = refuse_many_errors(error, relative)
+    if far.size:
+        assert_larger(errors(SolverOptions(method="bdf"), far), error[far], relative[far])
+    # Stan's solver may take no step: sets that need it have no solution.
+    none = exact.with_data(solver_block(SolverOptions(max_num_steps=1)))
+    assert np.isfinite(none.at(points)).all()

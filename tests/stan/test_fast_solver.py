@@ -329,9 +329,16 @@ def test_those_of_oscillations_are_as_well(
     priors = with_variant(load_priors(REPOSITORY / "data/priors/olivine.toml"), experiment, laws)
     problem = problem_of([experiment], priors)
     exact = density_of(problem, REFERENCE_SOLVER)
-    points = np.random.default_rng(1).standard_normal((n_sets, problem.layout.size))
-    # Readings have the noise of their set.
-    readings = [exact.variables_at(point)["response_replicated"] for point in points]
+    solved, readings = [], []
+    for point in np.random.default_rng(1).standard_normal((n_sets, problem.layout.size)):
+        try:
+            # Readings have the noise of their set.
+            readings.append(exact.variables_at(point)["response_replicated"])
+        except SamplingError:  # as in `Sets.solved`, the tight solver cannot judge
+            continue
+        solved.append(point)
+    assert len(solved) >= (1 - MAX_ABOVE) * n_sets
+    points = np.array(solved)
 
     def errors(
         solver: SolverOptions, places: npt.NDArray[np.int64]
@@ -350,7 +357,7 @@ def test_those_of_oscillations_are_as_well(
             found.append((abs(density), away / np.linalg.norm(gradient)))
         return np.array(found)[:, 0], np.array(found)[:, 1]
 
-    error, relative = errors(SolverOptions(), np.arange(n_sets))
+    error, relative = errors(SolverOptions(), np.arange(len(points)))
     record_property("largest error of a log density", float(error.max()))
     record_property("largest error of a gradient", float(relative.max()))
     far = refuse_many_errors(error, relative)

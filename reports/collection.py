@@ -268,8 +268,8 @@ def tests_section(contests: Sequence[Contest]) -> PageSection:
             "licence": [origin.licence or "not stated" for origin in origins],
         }
     )
-    shown = {name: table[name].tolist() for name in ("test", "law", "source", "doi", "licence")}
     answers = shown_verdicts(table)
+    shown = {**table[["test", "law"]], **answers, **table[["source", "doi", "licence"]]}
     return PageSection(
         key="tests",
         title="Tests and the laws that are shipped",
@@ -285,7 +285,7 @@ def tests_section(contests: Sequence[Contest]) -> PageSection:
             PageTable(
                 "tests",
                 "Tests",
-                pd.DataFrame(shown | answers)[["test", "law", *answers, *list(shown)[2:]]],
+                pd.DataFrame(shown),
                 table,
                 words=("test", "law", *answers, "doi", "licence"),
                 sentences=("source",),

@@ -15,7 +15,7 @@ import xarray as xr
 
 from pyburgers.checks.fit_checks import CHAIN_CHECKS, Check
 from pyburgers.checks.prior_influence import Influence, prior_influence
-from pyburgers.common.draws import TAIL, FloatArray, all_draws, evenly_spaced
+from pyburgers.common.draws import TAIL, FloatArray, all_draws
 from pyburgers.common.errors import InputError
 from pyburgers.common.paths import given_path
 from pyburgers.fitting.fit import Fit
@@ -23,10 +23,10 @@ from pyburgers.fitting.sampled_fit import SampledFit, data_words
 from pyburgers.flow_law_tables.description import LEAST_VALUES, MAY_BE_FEW, RATE_CHECKS
 from pyburgers.flow_law_tables.laws import RateLaw, load_rate_law
 from pyburgers.flow_law_tables.mechanism_maps import (
-    DRAWS,
     NEAR_KELVIN,
     MechanismMap,
     solve_under,
+    solved_draws,
     within_factor,
 )
 from pyburgers.flow_law_tables.posterior import build_posterior
@@ -168,14 +168,15 @@ class RateFit(SampledFit):
         found = solve_under(
             self.law, self.posterior, self.used, environment, **at, keeps_draws=True
         )
-        draws = self.posterior["posterior"].sizes
-        kept = evenly_spaced(np.arange(draws["chain"] * draws["draw"]), DRAWS)
         return xr.Dataset(
             {
                 "log_strain_rate": (("draw", "condition"), found["log_rate"]),
                 "stress_exponent": (("draw", "condition"), found["stress_exponent"]),
             },
-            {"draw": kept, **{name: ("condition", values) for name, values in at.items()}},
+            {
+                "draw": solved_draws(self.posterior),
+                **{name: ("condition", values) for name, values in at.items()},
+            },
         )
 
     def mechanism_map(

@@ -10,7 +10,7 @@ import xarray as xr
 
 from pyburgers.cmdstan.program import load_program
 from pyburgers.cmdstan.toolchain import stan_directory
-from pyburgers.common.array_types import BoolArray, FloatArray
+from pyburgers.common.array_types import BoolArray, FloatArray, IntArray
 from pyburgers.common.draws import all_draws, evenly_spaced
 from pyburgers.common.errors import InputError
 from pyburgers.flow_law_tables.laws import RateLaw
@@ -106,6 +106,12 @@ class MechanismMap:
         return self.grain_size.size > 1
 
 
+def solved_draws(posterior: xr.DataTree) -> IntArray:
+    """Return which draws `solve_under` solves, counted through all chains, from 0."""
+    sizes = posterior["posterior"].sizes
+    return evenly_spaced(np.arange(sizes["chain"] * sizes["draw"]), DRAWS)
+
+
 def solve_under(
     law: RateLaw,
     posterior: xr.DataTree,
@@ -131,7 +137,7 @@ def solve_under(
         if not (np.isfinite(values) & (values > 0)).all():
             raise InputError(f"{name}: found {values.min():g}, expected numbers above 0.")
     there = environment_of(law, **_environment_at(used, stress.shape, environment))
-    drawn = evenly_spaced(all_draws(posterior["predictions"].to_dataset()["law"]), DRAWS)
+    drawn = all_draws(posterior["predictions"].to_dataset()["law"])[solved_draws(posterior)]
     return load_program(stan_directory() / "mechanism_map.stan").evaluate(
         {
             "n_draws": len(drawn),

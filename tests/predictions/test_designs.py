@@ -155,9 +155,10 @@ def test_designs_that_cannot_be_judged_are_refused(small_fit: Fit, separate_join
     for said, fit, of, others in refused:
         with pytest.raises(InputError, match=said):
             design(fit, of, **others)
-    for n_readings, said in ((0, "found 0, expected at least 1"), (1.5, "a whole number")):
+    counts: dict[str, Any] = {"found 0, expected at least 1": 0, "a whole number": 1.5}
+    for said, n_readings in counts.items():
         with pytest.raises(InputError, match=f"n_readings: .*{said}"):
-            Candidate(bare, n_readings=n_readings)  # type: ignore[arg-type]
+            Candidate(bare, n_readings=n_readings)
     for seed in (-1, 2**31 - 6):
         with pytest.raises(InputError, match=rf"seed is {seed}, expected .* to 2147483641"):
             design(small_fit, plan, seed=seed)

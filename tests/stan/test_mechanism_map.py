@@ -11,7 +11,7 @@ from pyburgers.cmdstan.program import load_program
 from pyburgers.cmdstan.toolchain import stan_directory
 from pyburgers.common.array_types import FloatArray
 from pyburgers.common.errors import InputError
-from pyburgers.flow_law_tables import fit, mechanism_maps
+from pyburgers.flow_law_tables import mechanism_maps
 from pyburgers.flow_law_tables.fit import RateFit
 from pyburgers.flow_law_tables.fit_rates import fit_rates
 from pyburgers.flow_law_tables.table_files import load_rate_table
@@ -137,8 +137,7 @@ def test_rates_name_the_draws_that_are_solved(
     short_fit: RateFit, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     every = short_fit.rates_at(230.0, 1e5, 1e-3)["log_strain_rate"]
-    for module in (mechanism_maps, fit):
-        monkeypatch.setattr(module, "DRAWS", 7)
+    monkeypatch.setattr(mechanism_maps, "DRAWS", 7)
     some = short_fit.rates_at(230.0, 1e5, 1e-3)["log_strain_rate"]
     assert some.sizes["draw"] == 7
     np.testing.assert_array_equal(some, every.sel(draw=some.coords["draw"]))

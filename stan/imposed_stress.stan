@@ -35,10 +35,7 @@ transformed data {
     material[k][i_maxwell_modulus()]
       = maxwell_modulus_at(parameter[k], rep_vector(temperature, 1))[1];
     // Of the grain size at the start, as in loading histories.
-    material[k][i_kelvin_viscosity()]
-      = parameter[k][i_kelvin_viscosity()]
-        * (initial[k][1] / parameter[k][i_kelvin_reference_grain_size()])
-          ^ parameter[k][i_kelvin_grain_size_exponent()];
+    material[k][i_kelvin_viscosity()] *= exp(log_kelvin_coarsening(parameter[k], initial[k][1]));
   }
 }
 generated quantities {

@@ -64,6 +64,12 @@ real log_kelvin_slowing(vector parameter, real temperature, real reference_tempe
          - log_environment(parameter, temperature, environment_numbers(4));
 }
 
+/** How much slower the element is at a grain size (m) than at the reference grain size, logarithm. */
+real log_kelvin_coarsening(vector parameter, real grain_size) {
+  return parameter[i_kelvin_grain_size_exponent()]
+         * log(grain_size / parameter[i_kelvin_reference_grain_size()]);
+}
+
 /**
  * Effective viscosity at a temperature and in an environment, at the driving stress q_0.
  *

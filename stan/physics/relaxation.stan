@@ -175,8 +175,7 @@ matrix peak_compliance(vector log_x, real width) {
 real log_relaxation_time(vector parameter, real temperature, real grain_size) {
   return log(parameter[i_kelvin_viscosity()] / parameter[i_kelvin_modulus()])
          + log_kelvin_slowing(parameter, temperature, parameter[i_kelvin_reference_temperature()])
-         + parameter[i_kelvin_grain_size_exponent()]
-           * log(grain_size / parameter[i_kelvin_reference_grain_size()]);
+         + log_kelvin_coarsening(parameter, grain_size);
 }
 
 /**

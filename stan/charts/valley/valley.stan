@@ -68,8 +68,7 @@ matrix kelvin_elements(vector parameter, data matrix element, data real temperat
                        data real grain_size) {
   real slowing = log_kelvin_slowing(parameter, temperature,
                                     parameter[i_kelvin_reference_temperature()])
-                 + parameter[i_kelvin_grain_size_exponent()]
-                   * log(grain_size / parameter[i_kelvin_reference_grain_size()]);
+                 + log_kelvin_coarsening(parameter, grain_size);
   matrix[rows(element), 2] decay_and_compliance
     = relaxation_elements(element, relaxation_numbers(parameter));
   return append_col(parameter[i_kelvin_modulus()] ./ decay_and_compliance[ : , 2],

@@ -22,6 +22,7 @@ from pyburgers.common.errors import InputError, require_type
 from pyburgers.common.units import UNITS, number
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.prediction import MODULUS_OF_MACHINE
+from pyburgers.fitting.sampled_fit import PRIOR_ALONE, SampledFit
 from pyburgers.kinds.conditions import Ranges, environment_ranges, ranges_text
 from pyburgers.kinds.kind import FittedTest
 from pyburgers.model.closed_forms import with_maxwell_modulus
@@ -174,7 +175,9 @@ def fitted_material(
     acting = {name: there[name] for name in acting_environment(parameters) if name in there}
     conditions += [ranges_text(environment_ranges(acting))] if acting else []
     conditions += [f"elastic modulus {modulus}"] if modulus else []
-    about = f"{experiment.material}, fitted to {experiment.provenance.kind} data"
+    origin = f"fitted to {experiment.provenance.kind} data"
+    if isinstance(fit, SampledFit) and fit.draws_of == PRIOR_ALONE:
+        origin = "drawn from priors"
     return Material(
         parameters=parameters,
         temperature=at,
@@ -183,7 +186,7 @@ def fitted_material(
         chain=draws["chain"].to_numpy(),
         draw=draws["draw"].to_numpy(),
         attributes={
-            "title": f"{experiment.id} ({about}): {', '.join(conditions)}",
+            "title": f"{experiment.id} ({experiment.material}, {origin}): {', '.join(conditions)}",
             "experiment": experiment.id,
             "material": experiment.material,
             "data_kind": experiment.provenance.kind,

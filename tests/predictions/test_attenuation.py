@@ -376,6 +376,12 @@ def draws_of(fit: Fit) -> dict[str, FloatArray]:
     }
 
 
+def test_the_title_of_a_prediction_says_that_no_data_took_part(fit: Fit) -> None:
+    prior_alone = replace(fit, manifest={**fit.manifest, "use_likelihood": False})
+    title = str(predict_attenuation(prior_alone, SHORT).attrs["title"])
+    assert title.startswith("PIL40 (ice, drawn from priors): 260 K")
+
+
 GIVEN: dict[str, Any] = {"temperature": 250.0, "grain_size": 1e-3, "fabric_factor": 0.5}
 
 

@@ -15,11 +15,13 @@ from pyburgers.common.array_types import BoolArray
 from pyburgers.common.draws import FloatArray
 from pyburgers.common.units import count_points
 from pyburgers.comparison.results import (
+    CLEAR,
     LARGEST_ERROR,
     LEAST_UNITS,
     Comparison,
     ComparisonByTest,
     Pair,
+    clear_errors,
     difference_by_test,
     doubt_about,
     has_several_tests,
@@ -43,7 +45,10 @@ def pairs_by_test(comparison: ComparisonByTest) -> tuple[Pair, ...]:
             [name for name, result in ((better, one), (worse, other)) if result.doubts],
         )
         error = float(np.hypot(over_tests, monte_carlo))
-        found.append(Pair(better, worse, difference, error, doubt))
+        # Errors of draws are known well, however few the tests.
+        off = np.hypot(clear_errors(n_tests) * over_tests, CLEAR * monte_carlo)
+        clear = float(off) / error if error > 0 else CLEAR
+        found.append(Pair(better, worse, difference, error, doubt, clear))
     return tuple(found)
 
 

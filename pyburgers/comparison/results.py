@@ -10,6 +10,7 @@ from typing import Self
 
 import numpy as np
 import xarray as xr
+from scipy import stats
 
 from pyburgers.checks.fit_checks import PARETO_K_LIMIT
 from pyburgers.common.array_types import BoolArray, IntArray
@@ -21,7 +22,7 @@ NO_DIFFERENCE = 4.0
 """Difference of elpd below which fits predict alike (Sivula et al. 2020, arXiv:2008.10296)."""
 
 CLEAR = 2.0
-"""Standard errors that a difference may be off."""
+"""Standard errors that a difference may be off, if the error is known well (`clear_errors`)."""
 
 LEAST_UNITS = 3
 """Points, or tests, of which a standard error says something."""
@@ -41,22 +42,26 @@ class PairOutcome(StrEnum):
 
 @dataclass(frozen=True)
 class Pair:
-    """Two fits, the higher elpd first; a doubt says after "because" why numbers do not decide."""
+    """Two fits, the higher elpd first; a doubt says after "because" why numbers do not decide.
+
+    `clear`: standard errors that the difference may be off.
+    """
 
     better: str
     worse: str
     difference: float
     error: float
     doubt: str = ""
+    clear: float = CLEAR
 
     @property
     def outcome(self) -> PairOutcome:
-        """Better beyond `NO_DIFFERENCE` and `CLEAR` errors; alike if both together stay below."""
+        """Better beyond `NO_DIFFERENCE` and `clear` errors; alike if both together stay below."""
         if self.doubt or not math.isfinite(self.error):
             return PairOutcome.CANNOT_TELL
-        if self.difference >= max(NO_DIFFERENCE, CLEAR * self.error):
+        if self.difference >= max(NO_DIFFERENCE, self.clear * self.error):
             return PairOutcome.BETTER
-        if abs(self.difference) + CLEAR * self.error < NO_DIFFERENCE:
+        if abs(self.difference) + self.clear * self.error < NO_DIFFERENCE:
             return PairOutcome.ALIKE
         return PairOutcome.CANNOT_TELL
 
@@ -66,7 +71,10 @@ class Pair:
             f"standard error {self.error:.1f}" if math.isfinite(self.error) else "no standard error"
         )
         numbers = f"difference of elpd {self.difference:.1f}, {error}"
-        because = f", because {self.doubt}" if self.doubt else ""
+        doubt = self.doubt
+        if replace(self, clear=CLEAR).outcome is not self.outcome:
+            doubt = f"a standard error over so few counts {self.clear:.1f} times, not {CLEAR:g}"
+        because = f", because {doubt}" if doubt else ""
         match self.outcome:
             case PairOutcome.BETTER:
                 said = f"{self.better} predicts {what} clearly better than {self.worse}"
@@ -75,6 +83,11 @@ class Pair:
             case PairOutcome.CANNOT_TELL:
                 said = f"Cannot tell which of {self.better} and {self.worse} predicts {what} better"
         return f"{said} ({numbers}){because}."
+
+
+def clear_errors(n_units: int) -> float:
+    """Return standard errors over some units that a difference may be off (Student's t)."""
+    return float(stats.t.ppf(stats.norm.cdf(CLEAR), n_units - 1))
 
 
 def doubt_about(units: str, n_units: int, unreliable: Sequence[str]) -> str:
@@ -111,8 +124,10 @@ COMPARISON_TEXT = (
     "sampling from the fit of all points; higher is better. A fit is better by a difference of "
     f"{NO_DIFFERENCE:g} or more that is also {CLEAR:g} or more of its standard errors; fits are "
     f"alike where even {CLEAR:g} standard errors further apart they would differ by less than "
-    f"{NO_DIFFERENCE:g}; else the data cannot tell. Standard errors allow for correlation of "
-    f"neighbouring points of a segment or spectrum. Points with a Pareto k above {PARETO_K_LIMIT} "
+    f"{NO_DIFFERENCE:g}; else the data cannot tell. Over few points a standard error counts more "
+    f"often, by Student's t: {clear_errors(3):.1f} times over three, {clear_errors(8):.1f} times "
+    "over eight. Standard errors allow for correlation of neighbouring points of a segment or "
+    f"spectrum. Points with a Pareto k above {PARETO_K_LIMIT} "
     "are not reliable; pyburgers compare leaves them out by fitting again. The data cannot tell "
     "which fit is better if the reliable points by themselves say something else, if a fit was not "
     f"sampled well, or if there are fewer than {LEAST_UNITS} points. Weights are those of the best "
@@ -123,8 +138,10 @@ BY_TEST_TEXT = (
     "Measure: log density of each whole test given the others, readings in SI units; higher is "
     "better. The fits were repeated without each test, and the density is a ratio of marginal "
     "likelihoods, by bridge sampling. A test's own parameters are averaged under their priors, "
-    "which costs as much as the test narrows them. With two tests, or if a fit was not sampled "
-    "well, the data cannot tell which fit is better."
+    "which costs as much as the test narrows them. A fit is better by a difference of "
+    f"{NO_DIFFERENCE:g} that is also {CLEAR:g} standard errors, {clear_errors(3):.1f} over three "
+    "tests. With two tests, or if a fit was not sampled well, the data cannot tell which fit is "
+    "better."
 )
 
 
@@ -291,7 +308,9 @@ def _of_points(
 ) -> Pair:
     """Relate two fits by their difference at some points."""
     doubt = doubt_about(count_points(pointwise.size), pointwise.size, failed)
-    return Pair(better, worse, float(pointwise.sum()), standard_error(pointwise, segment), doubt)
+    error = standard_error(pointwise, segment)
+    clear = clear_errors(pointwise.size)
+    return Pair(better, worse, float(pointwise.sum()), error, doubt, clear)
 
 
 @dataclass(frozen=True, eq=False)

@@ -44,7 +44,7 @@ from pyburgers.checks.residual_numbers import (
     straight_line,
 )
 from pyburgers.common.draws import TAIL
-from pyburgers.common.units import rounded_to
+from pyburgers.common.units import counted, rounded_to
 from pyburgers.posterior.labelled_draws import response_in
 
 LARGEST_LEVEL_SQUARED = 12.5
@@ -155,6 +155,11 @@ def check_size(draws: CheckedDraws) -> Finding:
         f", and most of it correlates in {name}"
         for name, leftover in family.tests.items()
         if _mostly_correlates(leftover)
+    )
+    left += "".join(
+        f"; other checks need more than {counted(leftover.is_told.sum(), 'reading')} of {name}"
+        for name, leftover in family.tests.items()
+        if leftover.is_told.any() and not leftover.discrepancies.keys() - {OVER_READING_ERROR}
     )
     left += "".join(
         f"; {discrepancy_text(leftover)}"
@@ -383,7 +388,7 @@ def _tell_size(leftover: Leftover, row: Row) -> Told:
             meaning = "they are misfit unless neighbouring readings share an error"
             advice = _state_errors(leftover)
         else:
-            error = "the stated reading error"
+            error = f"the stated reading error{_worst_quantity(leftover)}"
             meaning = "the model misses more than the readings are uncertain by, and calls it noise"
             advice = remedy(leftover, int(np.abs(leftover.residual).argmax()))
         found = f"residuals of {leftover.name} are {ratio:.1f} times {error}"
@@ -403,6 +408,14 @@ def _tell_size(leftover: Leftover, row: Row) -> Told:
         remedy(leftover, int(points[0])),
         where,
     )
+
+
+def _worst_quantity(leftover: Leftover) -> str:
+    """Say of which quantity residuals are largest over stated errors; nothing if one is read."""
+    told = leftover.is_told
+    kinds, size = np.unique(leftover.quantity[told]), leftover.observed[:, told] ** 2
+    sizes = [size[:, leftover.quantity[told] == k].mean() for k in kinds]
+    return f" of the {leftover.likelihood.read[kinds[np.argmax(sizes)]].name}" * (kinds.size > 1)
 
 
 def _sizes(leftover: Leftover) -> dict[str, object]:

@@ -26,6 +26,7 @@ from pyburgers.checks.residual_numbers import (
     Tail,
     autocorrelation,
     largest_residual,
+    largest_size,
     longest_runs,
     offsets,
     outside_band,
@@ -332,9 +333,10 @@ def _leftover(name: str, group: xr.DataTree, number: int) -> Leftover:
     rng = np.random.default_rng([position.size, number])
     noise = rng.standard_normal((len(pairs[OUTSIDE][1]), position.size))
     if error is not None and is_told.any():
-        over_error = np.sqrt(((observed[:, is_told] / error.mean()) ** 2).mean(axis=1))
-        by_chance = READING_ERROR_FACTOR * np.sqrt((noise[:, is_told] ** 2).mean(axis=1))
-        pairs[OVER_READING_ERROR] = over_error, by_chance[:, None]
+        # Many readings of one quantity would hide what is missed of another.
+        size = partial(largest_size, quantity=quantity[is_told])
+        by_chance = READING_ERROR_FACTOR * size(noise[:, is_told])
+        pairs[OVER_READING_ERROR] = size(observed[:, is_told] / error.mean()), by_chance[:, None]
     elif CORRELATED in group.children:
         span = np.array([np.ptp(read.to_numpy()[quantity == k]) for k in quantity])
         over = partial(over_scatter, position=position, segment=segment, quantity=quantity)

@@ -315,6 +315,20 @@ def test_residuals_are_held_against_a_stated_reading_error(error: float, outcome
     assert f"{1 / error:.1f} times the stated reading error" in result.sentence
 
 
+@pytest.mark.parametrize(("missed", "outcome"), [(1.0, "yes"), (2.5, "no")])
+def test_many_readings_of_a_quantity_hide_no_misfit_of_another(missed: float, outcome: str) -> None:
+    is_strain = np.arange(POINTS) < 40
+    size = np.where(is_strain, 0.1, missed)
+    own = history_groups(
+        size * white(5), size * draws_of_noise(), segment=1.0 - is_strain, is_strain=is_strain
+    )
+    stated = MEGAPASCAL * np.where(is_strain, 0.1, 1.0)
+    own["constant_data"] = own["constant_data"].assign(reading_error=("point", stated))
+    result = check_size(draws_of(one=own))
+    assert result.outcome.value == outcome
+    assert ("times the stated reading error of the stress" in result.sentence) == (missed > 1)
+
+
 def test_the_failing_one_of_two_sizes_is_told() -> None:
     """Spread and reading error are families of their own: the outcome goes by the worse family."""
     rows = {
@@ -544,6 +558,8 @@ def test_a_test_of_one_reading_in_a_joint_fit_is_left_to_the_others() -> None:
         assert results[name].table["test"].tolist() == ["many"]
     assert "nan" not in results["size of residuals"].sentence
     assert "a root mean square of 1 MPa of one;" in results["size of residuals"].sentence
+    verdict = verdicts(list(results.values()))[CheckKind.DESCRIPTION]
+    assert verdict.sentence.endswith("; other checks need more than 1 reading of one.")
 
 
 def test_few_draws_cannot_fail_a_correct_model() -> None:

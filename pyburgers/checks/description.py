@@ -275,9 +275,11 @@ def _tell_coverage(leftover: Leftover, row: Row) -> Told:
 def _tell_trend(leftover: Leftover, row: Row) -> Told:
     first, run, where = _run(leftover)
     n = leftover.residual.size
-    # Neighbours go together most if sizes rise to the middle and fall from there.
+    # Neighbours go together most if sizes rise to the middle and fall from there; in segments of k
+    # readings sums of their products are at most cos(pi / (k + 1)) of the squares.
     smoothest = signed_ranks(n - np.abs(2.0 * np.arange(n) - n + 0.5))
-    largest = round(float(autocorrelation(smoothest, np.ones(n - 1, dtype=np.bool_))), 2)
+    in_one = float(autocorrelation(smoothest, np.ones(n - 1, dtype=np.bool_)))
+    largest = round(min(in_one, np.cos(np.pi / (np.bincount(leftover.segment).max() + 1))), 2)
     found = (
         f"signed ranks of neighbouring residuals of {leftover.name} correlate with "
         f"{row['found']:.2f} {expected_text(row, digits=2, largest=largest)}"

@@ -55,7 +55,7 @@ def main() -> None:
 def rank_one(name: str, seed: int) -> Row:
     """Simulate and fit one data set; return verdict and ranks."""
     data = conditions(name)
-    law = law_for(data, rate_law(name), ())
+    law = law_for(data, rate_law(name))
     rng = np.random.default_rng([seed, 11])
     truth = {one: prior.sample(rng) for one, prior in law.priors.priors.items()}
     with TemporaryDirectory() as folder:

@@ -450,6 +450,11 @@ def fit_problem(
     if more_draws is not None:
         more_draws, command = draws_to_add(run, more_draws, overwrite=overwrite)
     require_type("options", settings, SamplerOptions, SOME_OPTIONS)
+    if not problem.free:
+        raise InputError(
+            f"{problem.priors[0].title!r}: found every parameter fixed, expected a prior of one, "
+            "such as stress_noise."
+        )
 
     def sample(more: int | None) -> Fit:
         while True:

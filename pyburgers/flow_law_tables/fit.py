@@ -21,7 +21,7 @@ from pyburgers.common.paths import given_path
 from pyburgers.fitting.fit import Fit
 from pyburgers.fitting.sampled_fit import SampledFit, data_words
 from pyburgers.flow_law_tables.description import LEAST_VALUES, MAY_BE_FEW, RATE_CHECKS
-from pyburgers.flow_law_tables.laws import RateLaw, load_rate_law
+from pyburgers.flow_law_tables.laws import ENHANCEMENTS, RateLaw, load_rate_law
 from pyburgers.flow_law_tables.mechanism_maps import (
     NEAR_KELVIN,
     MechanismMap,
@@ -369,10 +369,16 @@ class RateFit(SampledFit):
             law = load_rate_law(copy.inputs / LAW_FILE)
             file = copy.inputs / SOFTENING_FILE
             softening = SofteningPrior.load(file) if file.is_file() else None
-        law = law_for(data, law, manifest["held_out"])
+        law = law_for(data, law)
         posterior = load_posterior(run, manifest)
         if posterior is None:
             posterior = build_posterior(run, data, law, manifest)
+        draws = posterior["posterior"].to_dataset()
+        if any(draws[name].attrs["fixed"] for name in {*ENHANCEMENTS} & {*law.priors.free}):
+            raise InputError(
+                f"{path}: takes steady rates that are held out as least rates, expected a run that "
+                "infers their excess; fit again with --overwrite."
+            )
         manifest = {**manifest, "chains": run.chain_records()}
         return cls(run, posterior, manifest, data, law, softening)
 

@@ -17,6 +17,7 @@ from pyburgers.common.atomic_files import write_json
 from pyburgers.common.errors import InputError, one_or_several, require_type
 from pyburgers.common.messages import tell_notes
 from pyburgers.common.paths import given_path
+from pyburgers.common.units import counted
 from pyburgers.fitting.problem_run import sample_until_good
 from pyburgers.fitting.sampled_fit import write_tables
 from pyburgers.flow_law_tables.fit import LAW_FILE, SOFTENING_FILE, RateFit, is_rate_run
@@ -31,7 +32,7 @@ from pyburgers.flow_law_tables.program_data import (
 )
 from pyburgers.flow_law_tables.softening import softening_prior
 from pyburgers.flow_law_tables.table_files import save_rate_table
-from pyburgers.flow_law_tables.tables import RateTable, in_order_of_tests, joined
+from pyburgers.flow_law_tables.tables import LEAST_ROWS, RateTable, in_order_of_tests, joined
 from pyburgers.model.flow_law_prior import FLOW_LAW_PRIOR_FILE
 from pyburgers.model.priors import SOME_PRIORS, PriorSet, shipped_prior_files
 from pyburgers.model.unlikely_numbers import unlikely_priors
@@ -117,20 +118,24 @@ def fit_rates(
     kind = "power_law" if curve is None else "flow_law"
     law = _default_law(data.material, kind) if law is None else law
     tell_notes(unlikely_priors(law.priors, data.material))
-    unknown = [name for name in held_out if name not in data.sources]
-    if unknown or len(held_out) == len(data.sources):
+    data = in_order_of_tests(usable_rows(data, law))
+    if {*held_out} - {*data.sources} or {*held_out} >= {*data.sources}:
         raise InputError(
             f"{data.id}: found {', '.join(sorted(held_out))} to be held out, expected some but not "
-            f"all of {', '.join(data.sources)}."
+            f"all of {', '.join(data.sources)}, of which the law can take rows."
         )
-    data = in_order_of_tests(usable_rows(data, law))
+    used = data.rows(~np.isin(data.source, list(held_out)))
+    if used.n_rows < LEAST_ROWS:
+        raise InputError(
+            f"{data.id}: found {counted(used.n_rows, 'row')} to fit, expected at least "
+            f"{LEAST_ROWS}; hold out fewer sources, or take a law that needs less of each row."
+        )
     options = options or SamplerOptions()
     require_type("options", options, SamplerOptions, SOME_OPTIONS)
     softening = None
     if curve is not None:
         tell_notes(unlikely_priors(curve, data.material))
         _refuse_softening(law)
-        used = data.rows(~np.isin(data.source, list(held_out)))
         softening = softening_prior(used, curve, seed=options.seed)
     options = replace(
         options,
@@ -138,7 +143,12 @@ def fit_rates(
         adapt_delta=options.adapt_delta or TARGET_ACCEPTANCE,
         coordinates="plain",
     )
-    known = law_for(data, law, held_out)
+    known = law_for(data, law)
+    if not known.priors.free and len(data.sources) == 1:
+        raise InputError(
+            f"{law.priors.title!r}: found every parameter fixed, expected a prior of one, such as "
+            "rate_scatter."
+        )
     stan_data = rate_data(
         data, known, held_out=held_out, softening=softening, use_likelihood=use_likelihood
     )

@@ -127,10 +127,9 @@ def environment_of(
     return rows
 
 
-def law_for(data: RateTable, law: RateLaw, held_out: Collection[str]) -> RateLaw:
-    """Return the law with what these rows cannot tell fixed."""
-    used = data.rows(~np.isin(data.source, list(held_out)))
-    steady = sorted({*used.enhancement_place.tolist()} - {0})
+def law_for(data: RateTable, law: RateLaw) -> RateLaw:
+    """Return the law with what counts in no row fixed; rows that are held out need their priors."""
+    steady = sorted({*data.enhancement_place.tolist()} - {0})
     return without_idle(law, sources=len(data.sources) > 1, steady=steady)
 
 

@@ -97,9 +97,13 @@ def sample_stats(fit: Draws) -> xr.Dataset:
 
 
 def label_draws(draws: xr.Dataset, quantities: Iterable[Parameter], priors: PriorSet) -> None:
-    """Attach symbols, units and whether a parameter was fixed to the draws of quantities."""
+    """Attach symbols, units and whether a parameter was fixed to the draws of quantities.
+
+    A reference stress or flow rate has no prior: it is fixed if the whole flow law is.
+    """
     for quantity in quantities:
-        fixed = quantity.name in priors.priors and priors[quantity.name].is_fixed
+        prior, of_draws = priors.priors.get(quantity.name), draws[quantity.name].to_numpy()
+        fixed = prior.is_fixed if prior else of_draws.size > 1 and np.ptp(of_draws) == 0
         draws[quantity.name].attrs = {
             "long_name": quantity.label,
             "symbol": quantity.symbol,

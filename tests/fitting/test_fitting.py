@@ -16,7 +16,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
-from conftest import SMALL_RUN, Problem
+from conftest import SMALL_RUN, Problem, with_fixed
 from log_density import Program
 from truths import truth_of
 
@@ -136,6 +136,22 @@ def test_fixed_parameters_stay_fixed_and_the_others_find_the_truth(small_fit: Fi
             assert abs(draws.mean() - truth[parameter.name]) < 4 * draws.std()
         else:
             np.testing.assert_allclose(draws, truth[parameter.name], rtol=1e-11)
+
+
+def test_chains_need_not_agree_on_the_reference_of_a_flow_law_that_is_fixed(
+    small_problem: Problem, tmp_path: Path
+) -> None:
+    """It is the same in all draws, which has no R-hat."""
+    test = small_problem.experiment
+    truth = truth_of(test)
+    law = with_fixed(small_problem.priors, {"activation_enthalpy": truth["activation_enthalpy"]})
+    result = fit(test, law, out=tmp_path / "run", options=SMALL_RUN)
+    assert result.summary().index.tolist() == ["maxwell_modulus", "stress_noise"]
+    (rhat,) = (one for one in result.checks() if one.name == "R-hat")
+    assert rhat.outcome is Outcome.YES
+    everything = with_fixed(law, {name: truth[name] for name in law.free})
+    with pytest.raises(InputError, match=r"every parameter fixed.*stress_noise"):
+        fit(test, everything, out=tmp_path / "all")
 
 
 def test_any_arviz_reads_the_posterior(small_fit: Fit) -> None:

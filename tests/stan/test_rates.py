@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import xarray as xr
 from conftest import ICE, TABLE_RUN
 from rate_oracle import (
     GAS_CONSTANT,
@@ -28,7 +29,7 @@ from pyburgers.common.errors import InputError
 from pyburgers.drawing.style import image
 from pyburgers.flow_law_tables.fit import RateFit
 from pyburgers.flow_law_tables.fit_rates import fit_rates
-from pyburgers.flow_law_tables.laws import RateLaw, rate_law
+from pyburgers.flow_law_tables.laws import TABLE_PARAMETERS, RateLaw, rate_law
 from pyburgers.flow_law_tables.program_data import rate_data, start_of_chain
 from pyburgers.flow_law_tables.table_files import load_rate_table
 from pyburgers.flow_law_tables.tables import RateTable
@@ -351,6 +352,57 @@ def test_rows_without_a_grain_size_are_left_out_where_the_law_needs_it(tmp_path:
         fit_rates(unknown, out=tmp_path / "run")
     with pytest.raises(InputError, match="held out"):
         fit_rates(rates, out=tmp_path / "run", held_out=["fan_2020"])
+    other = replace(unknown, id="other", source=np.full(rates.n_rows, "other"))
+    for one in ("other", "fan_2020"):
+        with pytest.raises(InputError, match="all of fan_2020, of which the law can take rows"):
+            fit_rates([rates, other], out=tmp_path / "run", held_out=[one])
+    known = np.where(np.arange(rates.n_rows) < 2, rates.grain_size, np.nan)
+    with pytest.raises(InputError, match="found 2 rows to fit, expected at least 3"):
+        fit_rates(replace(rates, grain_size=known), out=tmp_path / "run")
+
+
+def test_a_published_law_is_judged_and_one_without_a_free_number_refused(tmp_path: Path) -> None:
+    """The rate at the mean conditions is then a constant, of which chains need not agree."""
+    law, rates = rate_law("ice_power_law"), load_rate_table(FAN)
+    published = law.at().priors.priors
+    scatter = {**published, **{name: law.priors[name] for name in TABLE_PARAMETERS}}
+    laws = (replace(law, priors=replace(law.priors, priors=one)) for one in (published, scatter))
+    with pytest.raises(InputError, match=r"every parameter fixed.*rate_scatter"):
+        fit_rates(rates, next(laws), out=tmp_path / "run")
+    fit = fit_rates(rates, next(laws), out=tmp_path / "run", options=TABLE_RUN)
+    assert fit.sampled_well is Outcome.YES
+    assert fit.summary().index.tolist() == ["rate_scatter"]
+    assert law_table(fit)["quantity"].size == 5
+
+
+def test_steady_rates_that_are_held_out_are_predicted_with_the_prior_of_their_excess(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """If no fitted row is steady, E is unknown; it was taken as 1."""
+    least = load_rate_table(FAN)
+    steady = replace(
+        least,
+        id="steady",
+        source=np.full(least.n_rows, "steady"),
+        regime=np.full(least.n_rows, "steady"),
+    )
+    options = replace(TABLE_RUN, max_minutes=0.0)
+    fit = fit_rates([least, steady], out=tmp_path / "run", held_out=["steady"], options=options)
+    excess = np.log(
+        all_draws(fit.posterior["posterior"].to_dataset()["tertiary_enhancement[axial]"])
+    )
+    prior = fit.law.priors["tertiary_enhancement[axial]"]
+    assert excess.mean() == pytest.approx(np.log(prior.location), abs=0.15)
+    assert excess.std() == pytest.approx(prior.scale, rel=0.15)
+    residual = fit.held_out_table()["mean_residual"]["steady"]
+    slope = all_draws(fit.posterior["posterior"].to_dataset()["stress_exponent[creep]"]).mean()
+    assert residual == pytest.approx(np.log(prior.location) / slope, abs=0.15)
+    draws = fit.posterior["posterior"].to_dataset()
+    draws["tertiary_enhancement[axial]"].attrs["fixed"] = 1
+    groups = xr.DataTree.from_dict({**fit.posterior.to_dict(), "/posterior": draws})
+    monkeypatch.setattr("pyburgers.flow_law_tables.fit.load_posterior", lambda *_: groups)
+    with pytest.raises(InputError, match="takes steady rates that are held out as least rates"):
+        RateFit.load(tmp_path / "run")
 
 
 @pytest.mark.slow

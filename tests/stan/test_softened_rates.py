@@ -321,7 +321,7 @@ def test_density_is_prior_plus_likelihood_plus_jacobian(replaced: str | None) ->
     if replaced is None:
         fixed = fixed_prior(PARAMETER_BY_NAME["beta"], -7.1e-4, "test")
         law = with_priors(activation_enthalpy=BOUNDED, beta=fixed)
-    law = law_for(data, law, ())
+    law = law_for(data, law)
     names = [parameter.name for parameter in law.parameters]
     stan_data = rate_data(data, law, softening=SOFTENING)
     free = [names[place - 1] for place in stan_data["own_parameter"]]

@@ -22,7 +22,13 @@ from pyburgers.fitting.problem_run import sample_until_good
 from pyburgers.fitting.sampled_fit import write_tables
 from pyburgers.flow_law_tables.fit import LAW_FILE, SOFTENING_FILE, RateFit, is_rate_run
 from pyburgers.flow_law_tables.hand_over import flow_law_prior
-from pyburgers.flow_law_tables.laws import RateLaw, rate_law, save_rate_law
+from pyburgers.flow_law_tables.laws import (
+    SCATTER,
+    SOURCE_SPREADS,
+    RateLaw,
+    rate_law,
+    save_rate_law,
+)
 from pyburgers.flow_law_tables.program_data import (
     first_metric,
     law_for,
@@ -34,6 +40,7 @@ from pyburgers.flow_law_tables.softening import softening_prior
 from pyburgers.flow_law_tables.table_files import save_rate_table
 from pyburgers.flow_law_tables.tables import LEAST_ROWS, RateTable, in_order_of_tests, joined
 from pyburgers.model.flow_law_prior import FLOW_LAW_PRIOR_FILE
+from pyburgers.model.prior_families import is_fixed_at
 from pyburgers.model.priors import SOME_PRIORS, PriorSet, shipped_prior_files
 from pyburgers.model.unlikely_numbers import unlikely_priors
 from pyburgers.posterior.labelled_draws import own_name
@@ -117,6 +124,12 @@ def fit_rates(
     data = joined(tables, held_out, softened=curve is not None)
     kind = "power_law" if curve is None else "flow_law"
     law = _default_law(data.material, kind) if law is None else law
+    for name in (SCATTER, *SOURCE_SPREADS):
+        if is_fixed_at(law.priors[name], 0.0):
+            raise InputError(
+                f"{law.priors.title!r}: {name}: found a fixed 0, expected a positive number or a "
+                "prior."
+            )
     tell_notes(unlikely_priors(law.priors, data.material))
     data = in_order_of_tests(usable_rows(data, law))
     if {*held_out} - {*data.sources} or {*held_out} >= {*data.sources}:

@@ -107,8 +107,10 @@ def load_experiment(path: str | Path) -> Experiment:
     name = checked(path, tables, _ProtocolTable).protocol
     if name not in NAMES:
         expected = " or ".join(map(repr, NAMES))
+        # Tables of rates have commands of their own (`pyburgers.flow_law_tables`).
+        hint = " pyburgers fit-rates fits a table of rates." * (name == "rates")
         raise InputError(
-            f"{path}: key 'protocol': found {name!r}, expected {expected} (the kind of test)."
+            f"{path}: key 'protocol': found {name!r}, expected {expected} (the kind of test).{hint}"
         )
     with read_once():
         experiment: Experiment = kinds()[name].load(path, tables)

@@ -29,7 +29,13 @@ from pyburgers.common.errors import InputError
 from pyburgers.drawing.style import image
 from pyburgers.flow_law_tables.fit import RateFit
 from pyburgers.flow_law_tables.fit_rates import fit_rates
-from pyburgers.flow_law_tables.laws import TABLE_PARAMETERS, RateLaw, rate_law
+from pyburgers.flow_law_tables.laws import (
+    SCATTER,
+    SOURCE_SPREADS,
+    TABLE_PARAMETERS,
+    RateLaw,
+    rate_law,
+)
 from pyburgers.flow_law_tables.program_data import rate_data, start_of_chain
 from pyburgers.flow_law_tables.table_files import load_rate_table
 from pyburgers.flow_law_tables.tables import RateTable
@@ -364,11 +370,13 @@ def test_rows_without_a_grain_size_are_left_out_where_the_law_needs_it(tmp_path:
 def test_a_published_law_is_judged_and_one_without_a_free_number_refused(tmp_path: Path) -> None:
     """The rate at the mean conditions is then a constant, of which chains need not agree."""
     law, rates = rate_law("ice_power_law"), load_rate_table(FAN)
-    published = law.at().priors.priors
+    published = law.at(**dict.fromkeys((SCATTER, *SOURCE_SPREADS), 0.1)).priors.priors
     scatter = {**published, **{name: law.priors[name] for name in TABLE_PARAMETERS}}
     laws = (replace(law, priors=replace(law.priors, priors=one)) for one in (published, scatter))
     with pytest.raises(InputError, match=r"every parameter fixed.*rate_scatter"):
         fit_rates(rates, next(laws), out=tmp_path / "run")
+    with pytest.raises(InputError, match="rate_scatter: found a fixed 0"):
+        fit_rates(rates, law.at(), out=tmp_path / "run")
     fit = fit_rates(rates, next(laws), out=tmp_path / "run", options=TABLE_RUN)
     assert fit.sampled_well is Outcome.YES
     assert fit.summary().index.tolist() == ["rate_scatter"]
@@ -378,7 +386,7 @@ def test_a_published_law_is_judged_and_one_without_a_free_number_refused(tmp_pat
 def test_steady_rates_that_are_held_out_are_predicted_with_the_prior_of_their_excess(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """If no fitted row is steady, E is unknown; it was taken as 1."""
+    """If no fitted row is steady, E is unknown."""
     least = load_rate_table(FAN)
     steady = replace(
         least,

@@ -47,7 +47,12 @@ from pyburgers.flow_law_tables.tables import (
     rows_alike,
 )
 from pyburgers.kinds.column_names import plain
-from pyburgers.kinds.conditions import unlikely_grain_size, unlikely_stress, unlikely_temperature
+from pyburgers.kinds.conditions import (
+    unlikely_grain_size,
+    unlikely_pressure,
+    unlikely_stress,
+    unlikely_temperature,
+)
 from pyburgers.kinds.contradicted_names import contradicted_unit
 from pyburgers.kinds.experiment import Provenance
 from pyburgers.kinds.experiment_file import ProvenanceTable
@@ -200,6 +205,7 @@ def _doubts(material: str, values: Mapping[str, FloatArray]) -> Iterator[str]:
     warmth = values["temperature"]
     yield from unlikely_grain_size(values["grain_size"])
     yield from unlikely_temperature(material, float(warmth.min()), float(warmth.max()))
+    yield from unlikely_pressure(values["pressure"])
     yield from unlikely_stress(material, float(values["stress"].max()))
     yield from unlikely_strain_rate(float(values["strain_rate"].max()))
     copies = number_of_copies(values)

@@ -44,6 +44,9 @@ factor beyond these ends at which the largest stress of a test speaks against th
 OTHER_FLOWS = (*DASHPOT_STRESSES, HARDENING_SWITCH, DISLOCATIONS_SWITCH, "second_rate")
 MODULI = ("maxwell_modulus", "kelvin_modulus")
 
+LIKELY_PRESSURES = 1e4, 3e10
+"""Least and largest pressure (Pa) but zero that presses of laboratories hold."""
+
 MIN_LIKELY_STRESS = 1e3
 """Largest stress (Pa) of a test below which a unit may be wrong."""
 
@@ -132,6 +135,7 @@ def _of_conditions(experiment: Experiment) -> Iterator[str]:
     material = experiment.material
     yield from unlikely_grain_size(np.array([experiment.initial_grain_size]))
     yield from unlikely_temperature(material, *temperature_range(experiment))
+    yield from unlikely_pressure(np.array([experiment.environment.get("pressure", np.nan)]))
     imposed = isinstance(experiment, HistoryExperiment) and experiment.imposed_stresses.size
     known = experiment.n_points or imposed
     of_stress = [*unlikely_stress(material, experiment.largest_stress)] if known else []
@@ -184,6 +188,14 @@ def unlikely_grain_size(sizes: FloatArray) -> Iterator[str]:
     for size in dict.fromkeys((np.fmin.reduce(sizes), np.fmax.reduce(sizes))):
         if size < least or size > most:
             yield f"grains of {size:g} m are unlikely; 230 um is 230e-6."
+
+
+def unlikely_pressure(pressures: FloatArray) -> Iterator[str]:
+    """Say if the smallest or the largest pressure (Pa) of tests is unlikely; NaN is unknown."""
+    least, most = LIKELY_PRESSURES
+    for found in dict.fromkeys((np.fmin.reduce(pressures), np.fmax.reduce(pressures))):
+        if 0 < found < least or found > most:
+            yield f"a pressure of {found:g} Pa is unlikely; check its unit."
 
 
 def unlikely_temperature(material: str, coldest: float, hottest: float) -> Iterator[str]:

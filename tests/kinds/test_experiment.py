@@ -12,7 +12,7 @@ from small_inputs import CURVE, EXPERIMENT
 
 import pyburgers
 from pyburgers.common.errors import InputError
-from pyburgers.kinds.conditions import doubts, unlikely_grain_size
+from pyburgers.kinds.conditions import doubts, unlikely_grain_size, unlikely_pressure
 from pyburgers.kinds.constant_rate.experiment import ConstantRateExperiment
 from pyburgers.kinds.constant_rate.files import load_constant_rate
 from pyburgers.kinds.experiment import Stated, of_kind
@@ -123,3 +123,9 @@ def test_a_test_shows_doubts_about_its_conditions(curve: ConstantRateExperiment)
         f"grains of {size} m are unlikely; 230 um is 230e-6." for size in ("1e-09", "0.1")
     ]
     assert not list(unlikely_grain_size(np.array([np.nan, 5e-8, 1e-3])))
+    (doubt,) = doubts(replace(curve, environment={"pressure": 300.0}))
+    assert "a pressure of 300 Pa is unlikely; check its unit." in doubt
+    assert list(unlikely_pressure(np.array([np.nan, 0.0, 3e14]))) == [
+        "a pressure of 3e+14 Pa is unlikely; check its unit."
+    ]
+    assert not list(unlikely_pressure(np.array([1e5, 1.5e10])))

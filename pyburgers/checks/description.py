@@ -38,6 +38,7 @@ from pyburgers.checks.fit_checks import (
 from pyburgers.checks.residual_numbers import (
     autocorrelation,
     longest_run,
+    mean_squares,
     offsets,
     segment_parts,
     signed_ranks,
@@ -415,9 +416,9 @@ def _tell_size(leftover: Leftover, row: Row) -> Told:
 def _worst_quantity(leftover: Leftover) -> str:
     """Say of which quantity residuals are largest over stated errors; nothing if one is read."""
     told = leftover.is_told
-    kinds, size = np.unique(leftover.quantity[told]), leftover.observed[:, told] ** 2
-    sizes = [size[:, leftover.quantity[told] == k].mean() for k in kinds]
-    return f" of the {leftover.likelihood.read[kinds[np.argmax(sizes)]].name}" * (kinds.size > 1)
+    kinds = np.unique(leftover.quantity[told])
+    sizes = mean_squares(leftover.observed[:, told], leftover.quantity[told]).mean(axis=1)
+    return f" of the {leftover.likelihood.read[kinds[sizes.argmax()]].name}" * (kinds.size > 1)
 
 
 def _sizes(leftover: Leftover) -> dict[str, object]:

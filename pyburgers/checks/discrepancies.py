@@ -26,8 +26,8 @@ from pyburgers.checks.residual_numbers import (
     Tail,
     autocorrelation,
     largest_residual,
-    largest_size,
     longest_runs,
+    mean_squares,
     offsets,
     outside_band,
     over_scatter,
@@ -334,9 +334,11 @@ def _leftover(name: str, group: xr.DataTree, number: int) -> Leftover:
     noise = rng.standard_normal((len(pairs[OUTSIDE][1]), position.size))
     if error is not None and is_told.any():
         # Many readings of one quantity would hide what is missed of another.
-        size = partial(largest_size, quantity=quantity[is_told])
-        by_chance = READING_ERROR_FACTOR * size(noise[:, is_told])
-        pairs[OVER_READING_ERROR] = size(observed[:, is_told] / error.mean()), by_chance[:, None]
+        over_error, of_noise = (
+            np.sqrt(mean_squares(one[:, is_told], quantity[is_told]).max(axis=0))
+            for one in (observed / error.mean(), noise)
+        )
+        pairs[OVER_READING_ERROR] = over_error, READING_ERROR_FACTOR * of_noise[:, None]
     elif CORRELATED in group.children:
         span = np.array([np.ptp(read.to_numpy()[quantity == k]) for k in quantity])
         over = partial(over_scatter, position=position, segment=segment, quantity=quantity)

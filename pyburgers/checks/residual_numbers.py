@@ -74,10 +74,10 @@ def largest_residual(residuals: FloatArray) -> FloatArray:
     return found
 
 
-def largest_size(residuals: FloatArray, quantity: IntArray) -> FloatArray:
-    """Root mean square of residuals (draws, n) of the quantity with the largest, shape (draws,)."""
-    squares = [(residuals[:, quantity == one] ** 2).mean(axis=1) for one in np.unique(quantity)]
-    return np.asarray(np.sqrt(np.max(squares, axis=0)))
+def mean_squares(residuals: FloatArray, quantity: IntArray) -> FloatArray:
+    """Return mean squares of residuals (draws, n) of each quantity, shape (quantities, draws)."""
+    kinds = np.unique(quantity)
+    return np.stack([(residuals[:, quantity == one] ** 2).mean(axis=1) for one in kinds])
 
 
 def offsets(residuals: FloatArray, quantity: IntArray) -> FloatArray:

@@ -184,18 +184,21 @@ def _unlikely_stiffness(experiment: Experiment) -> Iterator[str]:
 
 def unlikely_grain_size(sizes: FloatArray) -> Iterator[str]:
     """Say if the smallest or the largest grain size (m) of tests is unlikely; NaN is unknown."""
-    least, most = LIKELY_GRAIN_SIZES
-    for size in dict.fromkeys((np.fmin.reduce(sizes), np.fmax.reduce(sizes))):
-        if size < least or size > most:
-            yield f"grains of {size:g} m are unlikely; 230 um is 230e-6."
+    for size in _beyond(sizes, LIKELY_GRAIN_SIZES):
+        yield f"grains of {size:g} m are unlikely; 230 um is 230e-6."
 
 
 def unlikely_pressure(pressures: FloatArray) -> Iterator[str]:
-    """Say if the smallest or the largest pressure (Pa) of tests is unlikely; NaN is unknown."""
-    least, most = LIKELY_PRESSURES
-    for found in dict.fromkeys((np.fmin.reduce(pressures), np.fmax.reduce(pressures))):
-        if 0 < found < least or found > most:
-            yield f"a pressure of {found:g} Pa is unlikely; check its unit."
+    """Say the same of pressures (Pa); none is likely."""
+    for found in _beyond(np.where(pressures == 0, np.nan, pressures), LIKELY_PRESSURES):
+        yield f"a pressure of {found:g} Pa is unlikely; check its unit."
+
+
+def _beyond(values: FloatArray, likely: tuple[float, float]) -> Iterator[float]:
+    """Yield the smallest and the largest of values beyond likely ones; NaN is unknown."""
+    for found in dict.fromkeys((np.fmin.reduce(values), np.fmax.reduce(values))):
+        if found < likely[0] or found > likely[1]:
+            yield float(found)
 
 
 def unlikely_temperature(material: str, coldest: float, hottest: float) -> Iterator[str]:

@@ -128,4 +128,5 @@ def test_a_test_shows_doubts_about_its_conditions(curve: ConstantRateExperiment)
     assert list(unlikely_pressure(np.array([np.nan, 0.0, 3e14]))) == [
         "a pressure of 3e+14 Pa is unlikely; check its unit."
     ]
+    assert len(list(unlikely_pressure(np.array([0.0, 300.0, 1e8])))) == 1
     assert not list(unlikely_pressure(np.array([1e5, 1.5e10])))

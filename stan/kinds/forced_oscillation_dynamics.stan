@@ -17,17 +17,23 @@
  *
  * S and e are an observed stress and strain (data) and v_d0 the rate of the dashpot at stress S
  * and grain size d_0. v_K and v_d are the rates of the Kelvin element and of the dashpot, in the
- * unit of r. The unit d_u of the grain size is 100 d_0: where the stress passes through zero the
- * piezometer asks for huge grains for an instant, and the solver would spend most of its steps on
- * following that more closely than the stress can tell.
+ * unit of r. For d_u, the unit of the grain size, see grain_size_unit().
  *
  * The strain rate is a sum of harmonics and of a background: the strain is
  * sum_k [sine_k sin(2 pi k tau) + cosine_k cos(2 pi k tau)] + background, tau = 0 at the origin
  * of the record's clock; all of them are linear in the errors of the driving strain.
  */
 
-/** Unit of the grain size over its initial value, d_u/d_0. */
-real grain_size_unit() { return 100; }
+/**
+ * Unit of the grain size over its initial value, d_u/d_0; the solver's tolerance is one of w.
+ *
+ * Where the stress passes through zero the piezometer asks for huge grains for an instant. With a
+ * small unit the solver spends steps on following that more closely than the stress of one
+ * mechanism can tell. Diffusion with p = 3 tells more.
+ *
+ * @param act of mechanisms_act()
+ */
+real grain_size_unit(data int act) { return act > 0 ? 1 : 100; }
 
 /**
  * d strain/d tau: the oscillation, and a background given as a polynomial of tau.
@@ -108,7 +114,7 @@ vector forced_oscillation_rhs(real tau, vector state, real stiffness, real kelvi
                               data real unit, data vector piezometer, vector kelvin,
                               vector dashpot, matrix further, data int law,
                               data int kelvin_law, data int act) {
-  real log_grain_size = log(grain_size_unit() * state[3]);
+  real log_grain_size = log(grain_size_unit(act) * state[3]);
   real rate = driving_rate(tau, harmonics, error, n_harmonics, background_range, first_tau)
               / strain_scale;
   real kelvin_excess = state[1] - state[2];
@@ -155,7 +161,7 @@ array[] vector fast_oscillation(vector from, data real start_tau, data array[] r
   return radau_leg(law,
                    {0, 0, strain_scale,
                     constant[i_piezometer_reference_grain_size()]
-                    / (grain_size_unit() * initial_grain_size),
+                    / (grain_size_unit(law[7]) * initial_grain_size),
                     constant[i_piezometer_exponent()], constant[i_piezometer_stress_floor()],
                     start_tau, first_tau, background_range[1], background_range[2]},
                    to_array_1d(to_vector(tau) - start_tau), tolerance, from, argument);
@@ -234,10 +240,10 @@ array[] vector forced_oscillation_solution(vector parameter, data vector constan
     vector[29 + 2 * n_linear + cols(harmonics)] argument
       = append_row(append_row(rep_vector(0, 29), head([kelvin_decay, 1]', 2 * n_linear)),
                    harmonics' * append_row(1, error) / strain_scale);
-    vector[3] from = [relative_start, 1 / grain_size_unit(), relative_start]'; // y, w, z
+    vector[3] from = [relative_start, 1 / grain_size_unit(act), relative_start]'; // y, w, z
     array[9] int laws = {3, place_of_dashpot_law(law), place_of_kelvin_law(kelvin_law), -1, 1, -1,
                          act, n_harmonics, cols(harmonics) - 2 * n_harmonics};
-    argument[1 : 6] = [log_dashpot_rate - grain_size_exponent * log(grain_size_unit()),
+    argument[1 : 6] = [log_dashpot_rate - grain_size_exponent * log(grain_size_unit(act)),
                        stress_exponent, grain_size_exponent, kelvin_decay,
                        kelvin_fluidity / kelvin_decay, 1 / stiffness]';
     argument[9] = inverse_critical_strain * strain_scale;
@@ -250,7 +256,7 @@ array[] vector forced_oscillation_solution(vector parameter, data vector constan
     // No path strain: of the microstructure grain size alone evolves, and is a state.
     argument[15 : 16] = [stress_scale, -1]';
     for (k in 1 : rows(further)) {
-      argument[21 + 3 * k] = further[k, 1] - further[k, 3] * log(grain_size_unit());
+      argument[21 + 3 * k] = further[k, 1] - further[k, 3] * log(grain_size_unit(act));
       argument[22 + 3 * k : 23 + 3 * k] = further[k, 2 : 3]';
     }
     if (first_tau > start_tau) {
@@ -265,13 +271,13 @@ array[] vector forced_oscillation_solution(vector parameter, data vector constan
   if (size(tau) > 0 && is_nan(solution[1][1])) {
     // The state at the start is an expression of data: constant to the solver.
     solution = ode_bdf_tol(forced_oscillation_rhs,
-                           [relative_start, relative_start, 1 / grain_size_unit()]',
+                           [relative_start, relative_start, 1 / grain_size_unit(act)]',
                            start_tau, tau, tolerance, tolerance, max_num_steps, stiffness,
                            kelvin_fluidity, kelvin_decay, stress_exponent,
                            grain_size_exponent, log_dashpot_rate, inverse_critical_strain,
                            harmonics, error, n_harmonics, background_range, first_tau,
                            stress_scale, strain_scale,
-                           grain_size_unit() * initial_grain_size,
+                           grain_size_unit(act) * initial_grain_size,
                            constant[{i_piezometer_reference_grain_size(),
                                      i_piezometer_exponent(), i_piezometer_stress_floor()}],
                            kelvin, dashpot, further, law, kelvin_law, act);
@@ -279,7 +285,7 @@ array[] vector forced_oscillation_solution(vector parameter, data vector constan
   for (i in 1 : size(tau)) {
     solution[i] = solution[i]
                   .* [stress_scale, stress_scale / kelvin_modulus,
-                      grain_size_unit() * initial_grain_size]';
+                      grain_size_unit(act) * initial_grain_size]';
   }
   return solution;
 }

@@ -2,7 +2,7 @@
 
 import itertools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from types import MappingProxyType
@@ -73,7 +73,7 @@ class Pair:
         numbers = f"difference of elpd {self.difference:.1f}, {error}"
         doubt = self.doubt
         if replace(self, clear=CLEAR).outcome is not self.outcome:
-            doubt = f"a standard error over so few counts {self.clear:.1f} times, not {CLEAR:g}"
+            doubt = f"a standard error this uncertain counts {self.clear:.1f} times, not {CLEAR:g}"
         because = f", because {doubt}" if doubt else ""
         match self.outcome:
             case PairOutcome.BETTER:
@@ -85,9 +85,50 @@ class Pair:
         return f"{said} ({numbers}){because}."
 
 
-def clear_errors(n_units: int) -> float:
-    """Return standard errors over some units that a difference may be off (Student's t)."""
+def clear_errors(n_units: float) -> float:
+    """Return standard errors over independent units that a difference may be off (Student's t)."""
     return float(stats.t.ppf(stats.norm.cdf(CLEAR), n_units - 1))
+
+
+def standard_error(pointwise: FloatArray, segment: IntArray | None = None) -> float:
+    """Return the standard error of a sum over points, or tests; NaN of a single one.
+
+    Points of one segment, in their order, may correlate with neighbours, which count with weights
+    that fall to 0 at `REACH` (Newey and West 1987, Econometrica 55, 703-708). The error is no
+    smaller than that of independent points, and without segments it is that.
+    """
+    n = pointwise.size
+    if n < 2:
+        return math.nan
+    apart = pointwise - pointwise.mean()
+    together = independent = float(apart @ apart)
+    if segment is not None:
+        for k, weight, same in _neighbours(segment):
+            together += 2 * weight * float((apart[k:] * apart[:-k])[same].sum())
+    return math.sqrt(n / (n - 1) * max(independent, together))
+
+
+def independent_points(segment: IntArray) -> float:
+    """Return how many independent points a `standard_error` with segments is worth.
+
+    The error adds products of neighbours, whose scatter leaves it less certain (Satterthwaite
+    1946, Biometrics Bulletin 2, 110-114).
+    """
+    n = segment.size
+    shared = sum(weight**2 * int(same.sum()) for _, weight, same in _neighbours(segment))
+    return n**2 / max(n + 2 * shared, 1)
+
+
+def _clear_of(n_points: int) -> float:
+    """Return `clear_errors` of points of one segment."""
+    return clear_errors(independent_points(np.zeros(n_points, dtype=np.int64)))
+
+
+def _neighbours(segment: IntArray) -> Iterator[tuple[int, float, BoolArray]]:
+    """Yield distances, their weights, and which pairs (n - distance,) share a segment."""
+    reach = math.ceil(REACH * math.sqrt(segment.size))
+    for k in range(1, min(reach, segment.size)):
+        yield k, 1 - k / reach, segment[k:] == segment[:-k]
 
 
 def doubt_about(units: str, n_units: int, unreliable: Sequence[str]) -> str:
@@ -125,9 +166,9 @@ COMPARISON_TEXT = (
     f"{NO_DIFFERENCE:g} or more that is also {CLEAR:g} or more of its standard errors; fits are "
     f"alike where even {CLEAR:g} standard errors further apart they would differ by less than "
     f"{NO_DIFFERENCE:g}; else the data cannot tell. Over few points a standard error counts more "
-    f"often, by Student's t: {clear_errors(3):.1f} times over three, {clear_errors(8):.1f} times "
-    "over eight. Standard errors allow for correlation of neighbouring points of a segment or "
-    f"spectrum. Points with a Pareto k above {PARETO_K_LIMIT} "
+    f"often, by Student's t: of one segment {_clear_of(8):.1f} times over 8 points, "
+    f"{_clear_of(60):.1f} times over 60. Standard errors allow for correlation of neighbouring "
+    f"points of a segment or spectrum. Points with a Pareto k above {PARETO_K_LIMIT} "
     "are not reliable; pyburgers compare leaves them out by fitting again. The data cannot tell "
     "which fit is better if the reliable points by themselves say something else, if a fit was not "
     f"sampled well, or if there are fewer than {LEAST_UNITS} points. Weights are those of the best "
@@ -309,7 +350,7 @@ def _of_points(
     """Relate two fits by their difference at some points."""
     doubt = doubt_about(count_points(pointwise.size), pointwise.size, failed)
     error = standard_error(pointwise, segment)
-    clear = clear_errors(pointwise.size)
+    clear = clear_errors(independent_points(segment))
     return Pair(better, worse, float(pointwise.sum()), error, doubt, clear)
 
 
@@ -405,23 +446,3 @@ def difference_by_test(one: LeaveOneTestOut, other: LeaveOneTestOut) -> tuple[fl
     # A fit less itself has no error.
     monte_carlo = 0.0 if one is other else float(np.hypot(one.total_error, other.total_error))
     return float(by_test.sum()), standard_error(by_test), monte_carlo
-
-
-def standard_error(pointwise: FloatArray, segment: IntArray | None = None) -> float:
-    """Return the standard error of a sum over points, or tests; NaN of a single one.
-
-    Points of one segment, in their order, may correlate with neighbours, which count with weights
-    that fall to 0 at `REACH` (Newey and West 1987, Econometrica 55, 703-708). The error is no
-    smaller than that of independent points, and without segments it is that.
-    """
-    n = pointwise.size
-    if n < 2:
-        return math.nan
-    apart = pointwise - pointwise.mean()
-    together = independent = float(apart @ apart)
-    if segment is not None:
-        reach = math.ceil(REACH * math.sqrt(n))
-        for k in range(1, min(reach, n)):
-            products = apart[k:] * apart[:-k]
-            together += 2 * (1 - k / reach) * float(products[segment[k:] == segment[:-k]].sum())
-    return math.sqrt(n / (n - 1) * max(independent, together))

@@ -368,20 +368,26 @@ def test_a_small_difference_of_large_error_is_no_likeness(
     assert Pair("one", "other", difference, error).outcome is outcome
 
 
-@pytest.mark.parametrize("n_points", [3, 5, 8, 14])
-def test_few_points_seldom_prefer_one_of_two_fits_that_are_as_good(n_points: int) -> None:
-    off = 3.0 * np.random.default_rng(n_points).normal(size=(2000, n_points))
-    pairs = [
-        comparison_of(("one", result(np.zeros(n_points))), ("other", result(one))).pairs()[0]
-        for one in off
-    ]
+@pytest.mark.parametrize(
+    ("n_points", "correlation"), [(3, 0.0), (5, 0.0), (8, 0.0), (14, 0.0), (14, 0.3), (60, 0.3)]
+)
+def test_points_seldom_prefer_one_of_two_fits_that_are_as_good(
+    n_points: int, correlation: float
+) -> None:
+    """Points of a segment of their own each, or neighbours of one segment that correlate."""
+    apart = np.abs(np.subtract.outer(np.arange(n_points), np.arange(n_points)))
+    root = np.linalg.cholesky(np.where(apart > 0, correlation**apart, 1.0))
+    off = 3.0 * np.random.default_rng(n_points).normal(size=(2000, n_points)) @ root.T
+    segment = np.zeros(n_points, dtype=np.int64) if correlation else None
+    none = ("one", result(np.zeros(n_points)))
+    pairs = [comparison_of(none, ("other", result(one)), segment=segment).pairs()[0] for one in off]
     better = np.mean([pair.outcome is PairOutcome.BETTER for pair in pairs])
     # Two standard errors of a normal number leave 0.0455, here with an error of 0.0047.
     assert better < 0.0455 + 3 * 0.0047
     few = Pair("a", "b", 12.0, 4.1, clear=4.53)
     assert few.sentence() == (
         "Cannot tell which of a and b predicts these data better (difference of elpd 12.0, "
-        "standard error 4.1), because a standard error over so few counts 4.5 times, not 2."
+        "standard error 4.1), because a standard error this uncertain counts 4.5 times, not 2."
     )
 
 

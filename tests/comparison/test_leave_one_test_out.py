@@ -164,7 +164,7 @@ def test_a_sentence_for_each_pair_and_for_what_is_doubtful() -> None:
     # Differences 20, 10 and 5 have an error of 13, which three tests do not know well.
     few = sentences_by_test(comparison_of(one=result(base), other=result(base - [20, 10, 5])))
     assert few[0].startswith("Cannot tell which of one and other predicts left-out tests better")
-    assert "over so few counts 4.5 times" in few[0]
+    assert "this uncertain counts 4.5 times" in few[0]
     # Two tests and fits that failed a check do not tell which is better.
     two = comparison_of(good=result(base[:2]), bad=result(base[:2] - 30.0))
     first, second = sentences_by_test(two)[:2]

@@ -30,9 +30,6 @@ from pyburgers.model.parameters import PARAMETER_BY_NAME
 MAX_TEMPERATURE_SD_SHARE = 0.1
 """Largest standard deviation of a temperature over it: a wider error would reach zero kelvin."""
 
-MAX_READINGS = 400
-"""How many readings of a record are used unless its file says another number."""
-
 MaxReadings = Annotated[
     int, Field(ge=10, description="to how many readings a longer record is thinned")
 ]

@@ -53,6 +53,51 @@ def test_a_copy_of_a_thinned_curve_has_its_readings(most: int, tmp_path: Path) -
     assert copy.notices == test.notices
 
 
+def cycles(n: int, **keys: Any) -> pyburgers.OscillationExperiment:
+    """Ten readings of each cycle, with noise."""
+    rng = np.random.default_rng(4)
+    time = 10.0 * np.arange(n)
+    phase = 2 * np.pi * time / 100
+    return pyburgers.ForcedOscillation(
+        time=time,
+        time_unit="s",
+        strain=1e-3 * np.sin(phase) + 1e-5 * rng.standard_normal(n),
+        strain_unit="fraction",
+        strain_uncertainty=1e-5,
+        stress=50 * np.sin(phase + 0.3) + rng.standard_normal(n),
+        stress_unit="MPa",
+        stress_uncertainty=1.0,
+        temperature_K=1423,
+        grain_size_um=10,
+        material="olivine",
+        **keys,
+    )
+
+
+def test_of_a_long_oscillation_stresses_of_all_phases_are_used(tmp_path: Path) -> None:
+    """Each tenth stress would have one phase."""
+    test = cycles(4000)
+    (notice,) = (one for one in test.notices if "readings are used" in one)
+    assert notice.startswith("400 of 4000 readings are used ('max_readings')")
+    assert test.record.stress.size == 4000
+    phases, counts = np.unique(test.prepared.time % 100, return_counts=True)
+    assert phases.size == 10
+    assert counts.min() > 30
+    # Readings of the whole record, in their order and each with its own stress.
+    assert np.all(np.diff(test.prepared.time) > 0)
+    assert test.prepared.time[-1] > 39_800
+    assert set(zip(test.prepared.time, test.stress, strict=True)) < set(
+        zip(test.record.stress_time, test.record.stress, strict=True)
+    )
+    assert cycles(400).n_points == 400
+    few = cycles(4000, max_readings=60)
+    few.to_toml(tmp_path / "copy.toml")
+    copy = pyburgers.load_experiment(tmp_path / "copy.toml")
+    assert copy.n_points == few.n_points == 60
+    np.testing.assert_array_equal(copy.response, few.response)
+    assert copy.notices == few.notices
+
+
 def test_of_a_long_series_means_are_looked_at() -> None:
     time = np.linspace(0, 100, 50_001)
     value = 3 + 0.5 * time + np.random.default_rng(1).standard_normal(time.size)

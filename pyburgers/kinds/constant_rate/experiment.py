@@ -9,8 +9,8 @@ import numpy as np
 from pyburgers.common.array_types import FloatArray, IntArray
 from pyburgers.common.units import count_points, rounded_to
 from pyburgers.kinds.experiment import Experiment
-from pyburgers.kinds.experiment_file import MAX_READINGS
 from pyburgers.kinds.limits import unlikely_strain_rate
+from pyburgers.kinds.loading_history.driver import MAX_READINGS
 from pyburgers.kinds.odd_readings import odd_readings, opposed_stresses
 from pyburgers.model.parameters import PARAMETERS
 from pyburgers.model.peak_test import PeakTest

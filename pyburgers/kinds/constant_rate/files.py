@@ -24,7 +24,6 @@ from pyburgers.kinds.constant_rate.experiment import (
 )
 from pyburgers.kinds.experiment import MeasuredMicrostructure
 from pyburgers.kinds.experiment_file import (
-    MAX_READINGS,
     SIGNS_WERE_TURNED,
     Compression,
     ExperimentFile,
@@ -38,7 +37,7 @@ from pyburgers.kinds.experiment_file import (
     slope_of,
 )
 from pyburgers.kinds.limits import MAX_UNLOADED_SHARE, MAX_ZERO_SHARE
-from pyburgers.kinds.loading_history.driver import thinned, thinning_told
+from pyburgers.kinds.loading_history.driver import MAX_READINGS, thinned, thinning_told
 from pyburgers.kinds.odd_readings import order_text
 
 

@@ -17,6 +17,7 @@ from pyburgers.kinds.forced_oscillation.preparation import (
     PreparedOscillation,
     prepare,
 )
+from pyburgers.kinds.loading_history.driver import MAX_READINGS
 from pyburgers.model.display import STRAIN_FACTOR, STRAIN_UNIT
 from pyburgers.model.read_quantities import STRESS
 
@@ -60,6 +61,7 @@ class ImposedCycles:
             uncertainty=np.empty(0),
             background_rate=np.array([self.mean_strain_rate]),
             strain_error=np.empty((0, 2 * N_HARMONICS + 1)),
+            max_readings=MAX_READINGS,
             notices=(),
         )
 
@@ -249,7 +251,11 @@ class OscillationExperiment(Experiment):
             "strain": ("fraction", record.strain_time, record.strain, record.strain_uncertainty),
             "stress": ("Pa", record.stress_time, record.stress, record.stress_uncertainty),
         }
-        data: dict[str, Any] = {"missing": []}
+        own = settings.max_readings
+        data: dict[str, Any] = {
+            "missing": [],
+            "max_readings": own if own != MAX_READINGS else None,
+        }
         for name, (unit, *columns) in series.items():
             data |= {
                 f"{name}_file": dict(zip(("time_s", name, "uncertainty"), columns, strict=True)),

@@ -12,7 +12,12 @@ from pyburgers.common.columns import Column, DataFile, TextFilesTable, read_colu
 from pyburgers.common.errors import InputError
 from pyburgers.common.toml_files import Table, all_of, read_toml
 from pyburgers.common.units import units_text
-from pyburgers.kinds.experiment_file import ExperimentFile, Kind, shared_values
+from pyburgers.kinds.experiment_file import (
+    ExperimentFile,
+    Kind,
+    MaxReadings,
+    shared_values,
+)
 from pyburgers.kinds.forced_oscillation.experiment import (
     NO_RECORD,
     ImposedCycles,
@@ -24,6 +29,7 @@ from pyburgers.kinds.forced_oscillation.preparation import (
     OscillationSettings,
     prepare,
 )
+from pyburgers.kinds.loading_history.driver import MAX_READINGS
 
 
 class _OscillationTable(Table):
@@ -74,6 +80,7 @@ class _DataTable(TextFilesTable):
     stress_uncertainty: float | None = Field(
         None, gt=0, description="the standard deviation of every stress, in its unit"
     )
+    max_readings: MaxReadings = MAX_READINGS
 
     @property
     def is_one_file(self) -> bool:
@@ -119,7 +126,9 @@ def load_forced_oscillation(
     record = OscillationRecord(*strain_columns, *stress_columns)
     table = file.oscillation
     degrees = table.strain_trend_degree, table.stress_trend_degree
-    wanted = OscillationSettings(table.period_s, *degrees, table.background, table.start_stress_Pa)
+    wanted = OscillationSettings(
+        table.period_s, *degrees, table.background, table.start_stress_Pa, data.max_readings
+    )
     prepared = prepare(record, wanted, str(path))
     notices = (*file.notices, *strain_notes, *stress_notes, *prepared.notices)
     return OscillationExperiment(

@@ -13,7 +13,7 @@ from typing import Any, Literal, TypeVar
 import numpy as np
 from numpy.polynomial import legendre, polynomial
 
-from pyburgers.common.array_types import FloatArray
+from pyburgers.common.array_types import FloatArray, IntArray
 from pyburgers.common.errors import InputError
 from pyburgers.common.units import count_points
 from pyburgers.kinds.forced_oscillation.harmonics import (
@@ -23,6 +23,7 @@ from pyburgers.kinds.forced_oscillation.harmonics import (
     fit_harmonics,
     strongest_frequency,
 )
+from pyburgers.kinds.loading_history.driver import ARE_USED, MAX_READINGS
 
 Background = Literal["removed", "kept"]
 
@@ -49,6 +50,8 @@ OFF_PEAK = 0.35
 
 OPPOSITE = 2 * math.pi / 3
 """Lag (rad) beyond which strain and stress differ in sign: no solid lags by more than pi/2."""
+
+GOLDEN_RATIO = 0.5 * (1 + math.sqrt(5))
 
 T = TypeVar("T")
 
@@ -78,6 +81,7 @@ class OscillationSettings:
         bias. "removed" subtracts both trends, as in the paper: the truth is not recovered
         (docs/model.md).
     `start_stress`: stress (Pa) at which the model starts if the background is kept, else the bias.
+    `max_readings`: stresses of a longer record that the model is compared with.
     """
 
     period: float | None = None
@@ -85,6 +89,7 @@ class OscillationSettings:
     stress_trend_degree: int | None = None
     background: Background = "kept"
     start_stress: float | None = None
+    max_readings: int = MAX_READINGS
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,6 +105,7 @@ class PreparedOscillation:
     `strain_error` (n_errors, 6 + n_background): what one standard deviation of each independent
         error of `strain_fit` adds to its sines, its cosines and `background_rate`, unless its share
         is `NEGLIGIBLE_SHARE`.
+    `max_readings`: see `OscillationSettings`.
     `notices`: what the preparation left out: sentences.
     """
 
@@ -114,6 +120,7 @@ class PreparedOscillation:
     uncertainty: FloatArray
     background_rate: FloatArray
     strain_error: FloatArray
+    max_readings: int
     notices: tuple[str, ...]
 
     @property
@@ -125,6 +132,7 @@ class PreparedOscillation:
             stress_trend_degree=self.stress_fit.degree,
             background=self.background,
             start_stress=self.start_stress if self.background == "kept" else None,
+            max_readings=self.max_readings,
         )
 
     @property
@@ -216,6 +224,8 @@ def prepare(
     if start_stress is None:
         start_stress = float(stress_fit.trend(np.array([start]))[0])
     slope = _powers_of_rate(strain_fit.trend_coefficients, strain_fit.t_half)
+    stresses = used.value if kept else used.value - stress_fit.trend(used.time)
+    chosen = _spread_readings(used.time.size, settings.max_readings)
     return PreparedOscillation(
         period=period,
         strain_fit=strain_fit,
@@ -223,12 +233,14 @@ def prepare(
         background=settings.background,
         start_stress=start_stress,
         start=start,
-        time=used.time,
-        stress=used.value if kept else used.value - stress_fit.trend(used.time),
-        uncertainty=used.uncertainty,
+        time=used.time[chosen],
+        stress=stresses[chosen],
+        uncertainty=used.uncertainty[chosen],
         background_rate=slope if kept else np.zeros_like(slope),
         strain_error=_strain_error(strain_fit, stress_fit, kept=kept),
+        max_readings=settings.max_readings,
         notices=(
+            *_thinning_told(chosen.size, used.time.size),
             *_left_out(stress.time.size - used.time.size, settings.background),
             *_doubts(strain, strain_fit, stress_fit),
         ),
@@ -350,6 +362,28 @@ def _named(where: str, series: _Series, compute: Callable[[], T]) -> T:
         return compute()
     except InputError as error:
         raise InputError(f"{where}: {series.name}: {error}") from None
+
+
+def _spread_readings(n: int, most: int) -> IntArray:
+    """Return the indices of at most so many of n readings, one of each of as many equal parts.
+
+    Its place in its part follows the golden ratio: at equal distances all might have one phase.
+    """
+    if n <= most:
+        return np.arange(n)
+    part = np.arange(most)
+    places: IntArray = np.floor((part + part * GOLDEN_RATIO % 1) * n / most).astype(np.int64)
+    return places
+
+
+def _thinning_told(n_chosen: int, n: int) -> Iterator[str]:
+    """Say how many readings are used."""
+    if n_chosen < n:
+        yield (
+            f"{n_chosen} of {n} {ARE_USED}, spread over the record of the stress. They are single "
+            "readings: means of neighbours, if they are written to the file instead, keep what the "
+            "others say."
+        )
 
 
 def _left_out(n_stresses: int, background: Background) -> Iterator[str]:

@@ -48,6 +48,9 @@ FULL_SHARE, MAX_PLACES = 0.95, 10
 """Where places share readings, more places are taken until this share of the readings that may be
 kept are, but not more than so many for each."""
 
+MAX_READINGS = 400
+"""How many readings of a record are used unless its file says another number."""
+
 ARE_USED = "readings are used ('max_readings')"
 """Words of the notice of a thinned record, by which it is told from warnings."""
 

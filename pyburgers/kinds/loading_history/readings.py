@@ -11,7 +11,8 @@ from pyburgers.common.array_types import FloatArray, IntArray
 from pyburgers.common.columns import Column, DataFile, TextFilesTable, read_columns
 from pyburgers.common.errors import InputError
 from pyburgers.common.units import UNITS, count_points, units_text
-from pyburgers.kinds.experiment_file import MAX_DEPARTURE_SHARE, MAX_READINGS, MaxReadings
+from pyburgers.kinds.experiment_file import MAX_DEPARTURE_SHARE, MaxReadings
+from pyburgers.kinds.loading_history.driver import MAX_READINGS
 from pyburgers.kinds.loading_history.stages import Driven, Stage, legs_of
 from pyburgers.kinds.odd_readings import order_text
 

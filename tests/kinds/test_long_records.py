@@ -90,6 +90,9 @@ def test_of_a_long_oscillation_stresses_of_all_phases_are_used(tmp_path: Path) -
         zip(test.record.stress_time, test.record.stress, strict=True)
     )
     assert cycles(400).n_points == 400
+    little_more = cycles(450)
+    assert little_more.n_points == 400
+    assert np.all(np.diff(little_more.prepared.time) > 0)
     few = cycles(4000, max_readings=60)
     few.to_toml(tmp_path / "copy.toml")
     copy = pyburgers.load_experiment(tmp_path / "copy.toml")

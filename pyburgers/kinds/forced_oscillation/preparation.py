@@ -365,12 +365,15 @@ def _named(where: str, series: _Series, compute: Callable[[], T]) -> T:
 
 
 def _spread_readings(n: int, most: int) -> IntArray:
-    """Return the indices of at most so many of n readings, one of each of as many equal parts.
+    """Return the indices of at most so many of n readings, one in each of as many equal parts.
 
     Its place in its part follows the golden ratio: at equal distances all might have one phase.
     """
     if n <= most:
         return np.arange(n)
+    if n < 2 * most:
+        # Parts of little more than a reading would share some: those left out are spread.
+        return np.delete(np.arange(n), _spread_readings(n, n - most))
     part = np.arange(most)
     places: IntArray = np.floor((part + part * GOLDEN_RATIO % 1) * n / most).astype(np.int64)
     return places

@@ -11,6 +11,7 @@ import xarray as xr
 from pyburgers.cmdstan.draw_files import Draws, read_draws
 from pyburgers.cmdstan.program import Program, Unsolved, load_program
 from pyburgers.common.draws import FloatArray
+from pyburgers.common.errors import SamplingError
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.forward import simulate
 from pyburgers.kinds.likelihood import likelihood_of
@@ -54,7 +55,7 @@ def build_posterior(
     are posterior, sample_stats, log_likelihood (of each point given those before it),
     log_likelihood_given_others (if residuals are correlated), log_prior, model_response and
     posterior_predictive (at the observed points), predictions (on a grid of the clock),
-    posterior_mean_solution, observed_data, constant_data, `MICROSTRUCTURE` and
+    posterior_mean_solution (if there is one), observed_data, constant_data, `MICROSTRUCTURE` and
     `DRIVING_ERRORS`. Those of several tests are in tests/ID; the top has the points of all tests
     and all draws, shared parameters by their names, others as NAME[TESTS], NAME[centre],
     NAME[spread].
@@ -100,7 +101,7 @@ def _groups_of(
             "sample_stats": stats,
             **groups_at_points(_points_of_test(points, experiment, priors), experiment),
             "predictions": grid_group(checked.isel(on_grids[e]), experiment),
-            "posterior_mean_solution": _solution_at_mean(of_test, priors, experiment),
+            **_solution_at_mean(of_test, priors, experiment),
         }
     common = point_groups(at_points, experiments)
     if MICROSTRUCTURE_LOG_LIKELIHOOD in fit:
@@ -270,17 +271,27 @@ def _sampled_log_likelihood(fit: Draws, log_density: xr.DataArray) -> xr.DataArr
     return log_density - others
 
 
-def _solution_at_mean(draws: xr.Dataset, priors: PriorSet, experiment: Experiment) -> xr.Dataset:
-    """Solution at the posterior mean of the parameters, as drawn in the paper's Fig. 3."""
+def _solution_at_mean(
+    draws: xr.Dataset, priors: PriorSet, experiment: Experiment
+) -> dict[str, xr.Dataset]:
+    """Group of the solution at the posterior mean of the parameters, as in the paper's Fig. 3.
+
+    The mean is no draw: where parameters trade off along a curve it may have no solution.
+    """
     mean = {name: float(draws[name].mean()) for name in priors.priors}
-    likelihood, curve = likelihood_of(experiment), simulate(experiment, mean)
+    try:
+        curve = simulate(experiment, mean)
+    except SamplingError as error:
+        logger.info(f"The posterior mean of the parameters has no solution: {error}")
+        return {}
+    likelihood = likelihood_of(experiment)
     clock = likelihood.clock
     columns = {
         **{read.name: (read.column, read.si_unit) for read in likelihood.read},
         "grain_size": ("grain_size_m", "m"),
         "fabric_factor": ("fabric_factor", "1"),
     }
-    return xr.Dataset(
+    solution = xr.Dataset(
         {
             name: (clock.name, curve[column].to_numpy(), {"units": unit})
             for name, (column, unit) in columns.items()
@@ -288,3 +299,4 @@ def _solution_at_mean(draws: xr.Dataset, priors: PriorSet, experiment: Experimen
         },
         coords={clock.name: curve[clock.column].to_numpy()},
     )
+    return {"posterior_mean_solution": solution}

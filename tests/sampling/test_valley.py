@@ -59,6 +59,18 @@ def test_what_follows_the_first_quantile_trusts_quiet_records_more() -> None:
     assert np.all(rest > 1.2 * first)
 
 
+def test_the_mode_of_a_weak_curve_is_not_one_of_a_spring_so_soft_that_nothing_flows(
+    experiment: ConstantRateExperiment,
+) -> None:
+    """Draws of the prior have ten times its stress, and climbs from most soften the spring."""
+    stress = 3e6 + 3e5 * np.random.default_rng(3).standard_normal(experiment.stress.size)
+    weak = replace(experiment, stress=stress)
+    problem = problem_of([weak], resolved_priors(weak))
+    (mode,) = find_mode(problem, density_of(problem, SolverOptions()), seed=3).tests
+    assert mode.values["maxwell_modulus"] > 1e9
+    assert mode.values["stress_noise"] < 5e5
+
+
 def test_a_prior_that_fixes_the_fabric_does_not_suit(
     experiment: ConstantRateExperiment, priors: PriorSet
 ) -> None:

@@ -55,6 +55,12 @@ N_REFINEMENTS = 4
 LEAST_CURVATURE = 0.15
 """Floor of the eigenvalues: flat directions are about as wide as a logistic prior, sd 1.8-2.6."""
 
+STALLED, LONGEST_FIRST = 20.0, 600.0
+"""A climb that takes so many times the longest one before it is given up, the first after s.
+
+Where the log density jumps, Stan's line search halves a step without end. None is given up within
+`PATIENCE`."""
+
 LEAST_RATIO = 1e-12
 """Floor of the eigenvalues over the largest, where digits do not hold the scales of all."""
 
@@ -224,9 +230,19 @@ class Program:
         return solved, Draws(parts[0].variables, values)
 
     def run(
-        self, folder: Path, method: Sequence[str], *, seed: int, failure: str, tolerated: str = ""
+        self,
+        folder: Path,
+        method: Sequence[str],
+        *,
+        seed: int,
+        failure: str,
+        tolerated: str = "",
+        limit: float | None = None,
     ) -> None:
-        """Run the program to its end in a folder of `_inputs`; raise SamplingError if it fails."""
+        """Run the program in a folder of `_inputs`; raise SamplingError if it fails.
+
+        `limit`: seconds after which it is ended and has failed.
+        """
         running = self.start(
             method,
             data=folder / DATA,
@@ -236,7 +252,7 @@ class Program:
             digits=ALL_DIGITS,
             output_options=[f"diagnostic_file={folder / TRACE}"],
         )
-        running.wait()
+        running.wait(limit)
         running.require_not_killed()
         if running.failed and not (tolerated and tolerated in running.printed()):
             raise SamplingError(f"{failure}: {running.console_tail()}")
@@ -339,8 +355,8 @@ class Density:
         (gradient,) = self.gradients(place[np.newaxis])
         return float(gradient @ covariance @ gradient) / 2
 
-    def climb(self, start: FloatArray, *, seed: int) -> Ending:
-        """Climb from a place with L-BFGS; the end need not be a maximum."""
+    def climb(self, start: FloatArray, *, seed: int, limit: float | None = None) -> Ending:
+        """Climb from a place with L-BFGS, at most `limit` s; the end need not be a maximum."""
         with _inputs(self.data, {COORDINATE: start.tolist()}) as folder:
             self.program.run(
                 folder,
@@ -349,6 +365,7 @@ class Density:
                 failure="The optimiser failed",
                 # It ends the climb where it is, often at the maximum.
                 tolerated="Line search failed",
+                limit=limit,
             )
             draws = read_draws([folder / OUTPUT])
             variables = draws.at(0)
@@ -358,11 +375,13 @@ class Density:
     def ends(self, starts: Sequence[FloatArray], *, seed: int) -> list[Ending]:
         """Climb from every start and return the ends, the best first; tell how far it has come."""
         found: list[Ending] = []
-        told = time.monotonic()
+        told, longest = time.monotonic(), 0.0
         for number, place in enumerate(starts, start=1):
+            began, limit = time.monotonic(), STALLED * longest or LONGEST_FIRST
             # The optimiser may leave the region where the solver finds a solution.
             with suppress(SamplingError):
-                found.append(self.climb(place, seed=seed))
+                found.append(self.climb(place, seed=seed, limit=max(PATIENCE, limit)))
+                longest = max(longest, time.monotonic() - began)
             if time.monotonic() - told >= PATIENCE and number < len(starts):
                 told = time.monotonic()
                 logger.info(f"{number} of {len(starts)} climbs to the mode are done.")

@@ -6,6 +6,7 @@ process alone keeps open. So the whole group is killed however this process ends
 
 import errno
 import os
+import select
 import shutil
 import signal
 import subprocess
@@ -90,13 +91,11 @@ class Running:
         self.stop()
         return True
 
-    def wait(self) -> None:
-        """Wait for its end, and end it at an interrupt."""
+    def wait(self, limit: float | None = None) -> None:
+        """Wait for its end, and end it at a time limit (s) or at an interrupt."""
         try:
-            os.set_blocking(self._pipe.fileno(), True)
-            self._copy_printed()
-            self.process.wait()
-            self.has_ended()
+            while not self.has_ended(limit):
+                select.select([self._pipe], [], [], POLL_SECONDS)
         finally:
             self.stop()
 

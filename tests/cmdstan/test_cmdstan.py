@@ -481,15 +481,16 @@ generated quantities {
 """
 
 
-def test_slow_climbs_are_counted(
+def test_slow_climbs_are_counted_and_endless_ones_given_up(
     caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     caplog.set_level(logging.INFO, "pyburgers")
-    now = [0.0]
+    now, limits = [0.0], list[float | None]()
     monkeypatch.setattr(time, "monotonic", lambda: now[0])
 
     class Slow(Density):
-        def climb(self, start: FloatArray, *, seed: int) -> Ending:
+        def climb(self, start: FloatArray, *, seed: int, limit: float | None = None) -> Ending:
+            limits.append(limit)
             now[0] += 40
             return Ending(float(start[0]), start, {})
 
@@ -497,6 +498,7 @@ def test_slow_climbs_are_counted(
     ends = Slow(cast(Program, None), {}).ends(starts, seed=1)
     assert [end.log_density for end in ends] == [4, 3, 2, 1, 0]
     assert caplog.messages == [f"{done} of 5 climbs to the mode are done." for done in (2, 4)]
+    assert limits == [600, *[20 * 40] * 4]
 
 
 @pytest.mark.parametrize(

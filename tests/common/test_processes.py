@@ -27,6 +27,13 @@ def test_a_program_that_prints_much_is_waited_for(tmp_path: Path) -> None:
     assert running.printed() == "x" * 1_000_000 + "\n"
 
 
+def test_a_program_is_waited_for_up_to_a_time_limit(tmp_path: Path) -> None:
+    running = start(["sleep", "600"], tmp_path / "console.txt")
+    running.wait(0.1)
+    assert running.failed
+    assert running.out_of_time
+
+
 def test_programs_run_side_by_side_to_their_ends_or_to_a_time_limit(tmp_path: Path) -> None:
     sentences = {"short": "echo one; echo two", "wrong": "echo why; exit 3", "long": "sleep 600"}
     starting = (

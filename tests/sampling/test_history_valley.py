@@ -200,3 +200,19 @@ def test_the_mode_of_a_test_in_stages_is_found_from_the_prior() -> None:
         (mode,) = find_mode(problem, density_of(problem, SolverOptions()), seed=seed).tests
         for name in ("stress_noise", "strain_noise"):
             assert mode.values[name] < 3 * TRUTH[name]
+
+
+def test_noise_does_not_hide_a_spring_softer_than_its_prior_says() -> None:
+    """Climbs from the prior's draws end where it takes all readings up."""
+    values = {
+        **TRUTH,
+        "maxwell_modulus": 2e7,
+        "kelvin_modulus": 3.7e9,
+        "kelvin_viscosity": 3.9e11,
+        "activation_enthalpy": 65.8e3,
+        "residual_correlated_share": 0.3,
+    }
+    problem = problem_of([history_twin("load and unload", 15, values=values)], ICE)
+    (mode,) = find_mode(problem, density_of(problem, SolverOptions()), seed=1).tests
+    assert mode.values["maxwell_modulus"] == pytest.approx(2e7, rel=0.01)
+    assert mode.values["strain_noise"] < 1e-3

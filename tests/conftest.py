@@ -276,7 +276,7 @@ def sketch_pictures(patch: pytest.MonkeyPatch, *, drawn_once: bool = False) -> N
 
 def search_little(patch: pytest.MonkeyPatch) -> None:
     """Search for a mode from one start: for fits that are looked at for something else."""
-    for name, number in (("N_CANDIDATES", 4), ("N_BEST", 1)):
+    for name, number in (("N_CANDIDATES", 4), ("N_BEST", 1), ("QUIETER", ())):
         patch.setattr(f"pyburgers.fitting.charts_at_modes.{name}", number)
 
 

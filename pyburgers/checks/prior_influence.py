@@ -16,7 +16,6 @@ from typing import Literal
 import numpy as np
 import pandas as pd
 import xarray as xr
-from scipy import stats
 from scipy.special import ndtr
 
 from pyburgers.common.draws import FloatArray, all_draws
@@ -148,19 +147,17 @@ def prior_influence(
     posterior: xr.DataTree,
     priors: PriorSet,
     *,
-    spread_scales: Mapping[str, float] = MappingProxyType({}),
     family: int | None = None,
     derived: Mapping[str, FloatArray] = MappingProxyType({}),
     read_off: frozenset[str] = frozenset(),
-    of_other_tests: Mapping[str, FloatArray] = MappingProxyType({}),
+    scores_beside: Mapping[str, FloatArray] = MappingProxyType({}),
 ) -> dict[str, Influence]:
     """Return for every sampled quantity who decides it.
 
     The priors are those of one test, resolved; in a joint fit the draws are a part of those of
-    all tests. A partially pooled parameter has the prior of its centre; the scale is that of
-    the prior of its spread. The family is the number of quantities of the whole fit in which a
-    conflict may be found by chance, by default of the test. Derived draws have the shape (n,),
-    chains one after the other. Scores of priors that other tests alone have are `prior_scores`.
+    all tests, and `pyburgers.fitting.prior_draws.scores_beside` has the other scores. The family is
+    the number of quantities of the whole fit in which a conflict may be found by chance, by default
+    of the test. Derived draws have the shape (n,), chains one after the other.
     """
     draws = posterior["posterior"].to_dataset()
     values = {name: all_draws(draws[name]) for name in free_parameters(posterior)}
@@ -170,25 +167,20 @@ def prior_influence(
         del own["activation_enthalpy"]
         values[JOINT_PRIOR] = priors.flow_law.log_flow_rate(values)
         own[JOINT_PRIOR] = priors.flow_law.flow_rate_scores(values[JOINT_PRIOR])
-    columns = prior_scores(posterior, priors)
+    bounded = {name: own[name] for name in priors.free if name in own}
+    columns = {**prior_scores(posterior, priors), **scores_beside}
     of_all = posterior.root["posterior"].to_dataset()
-    for name, scale in spread_scales.items():
-        centre, spread = own_name(name, CENTRE), own_name(name, SPREAD)
-        if centre not in of_all:
-            continue
-        del own[name], columns[name]
-        values |= {key: all_draws(of_all[key]) for key in (centre, spread)}
-        own[centre] = normal_scores(priors[name].distribution(), values[centre])
-        own[spread] = normal_scores(stats.halfnorm(scale=scale), values[spread])
-        columns |= {key: own[key][:, None] for key in (centre, spread)}
-    columns |= of_other_tests
-    bounded = own.keys() & set(priors.free)
+    for name in [key.partition("[")[0] for key in scores_beside if key.endswith(f"[{CENTRE}]")]:
+        for scores in (own, columns):  # of a test that feels the parameter
+            scores.pop(name, None)
+        for key in (own_name(name, CENTRE), own_name(name, SPREAD)):
+            values[key], own[key] = all_draws(of_all[key]), scores_beside[key][:, 0]
     return {
         name: Influence(
             name,
             *_moves(name, _on_its_scale(name, one, priors, name in bounded), columns),
             *_surprise(own.get(name), family or len(own)),
-            bound=_bound(one, own[name], priors[name]) if name in bounded else None,
+            bound=_bound(one, bounded[name], priors[name]) if name in bounded else None,
             read_off=read_off,
         )
         for name, one in {**values, **derived}.items()
@@ -374,7 +366,9 @@ def _decisions(influences: Mapping[str, Influence]) -> Iterator[str]:
             "check the units of stress, strain rate, temperature and grain size."
         )
     for name, one in influences.items():
-        if one.origin is Origin.CANNOT_TELL or one.name == JOINT_PRIOR:  # no number of a table
+        if one.origin is Origin.CANNOT_TELL or one.name.startswith(
+            JOINT_PRIOR
+        ):  # no number of a table
             continue
         if one.bound is not None:
             yield _bound_sentence(name, one.bound)

@@ -31,7 +31,6 @@ from pyburgers.kinds.experiment import A_TEST, Experiment, Provenance
 from pyburgers.kinds.problem import Problem, one_test, problem_of
 from pyburgers.kinds.stan_data import SolverOptions
 from pyburgers.kinds.together import default_priors_for, pooling_for
-from pyburgers.model.pooling import pooling_from
 from pyburgers.model.priors import FLOW_LAW, JOINT_PRIOR, SOME_PRIORS, PriorSet
 from pyburgers.model.variants import ModelVariant
 from pyburgers.posterior.build import build_posterior
@@ -54,7 +53,7 @@ class Fit(SampledFit):
     problem : Problem
         Tests, priors, pooling.
     scores_beside : mapping of str to numpy.ndarray
-        Of one test of a joint fit: scores (n, n_scores) of priors that other tests alone have.
+        Of one test of a joint fit: scores (n, n_scores) of priors that it alone does not have.
     whole : Fit, optional
         Of one test of a joint fit: the joint fit.
 
@@ -180,17 +179,15 @@ class Fit(SampledFit):
 
     def _influences_on(self, derived: Mapping[str, FloatArray]) -> dict[str, dict[str, Influence]]:
         """Influences by test and quantity."""
-        fitted = self.manifest["experiments"]
-        scales, found = pooling_from(self.manifest["pooling"]).spread_scales, {}
+        fitted, found = self.manifest["experiments"], {}
         for name, test in self.tests().items():
             influences = prior_influence(
                 test.posterior,
                 test.priors,
-                spread_scales=scales,
                 family=len(fitted) * len(test.priors.free),
                 derived=derived,
                 read_off=self.read_off,
-                of_other_tests=test.scores_beside,
+                scores_beside=test.scores_beside,
             )
             found[name] = self._usable(influences)
         return found

@@ -5,16 +5,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import xarray as xr
+from scipy import stats
 
 from pyburgers.checks.prior_influence import prior_scores
 from pyburgers.cmdstan.program import load_program
-from pyburgers.common.draws import FloatArray
+from pyburgers.common.draws import FloatArray, all_draws
 from pyburgers.common.errors import InputError, SamplingError
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.likelihood import likelihood_of
 from pyburgers.kinds.problem import Problem, one_test
 from pyburgers.kinds.program_data import program_data
-from pyburgers.kinds.stan_data import SolverOptions
+from pyburgers.kinds.stan_data import CENTRE, SPREAD, SolverOptions
+from pyburgers.model.prior_families import SCORE_AT_BOUND, normal_scores
 from pyburgers.model.priors import FLOW_LAW, JOINT_PRIOR, PriorSet
 from pyburgers.posterior.labelled_draws import own_name
 
@@ -165,7 +167,11 @@ def _each_by_itself(priors: PriorSet) -> PriorSet:
 def scores_beside(
     problem: Problem, parts: Sequence[Problem], groups: Mapping[str, xr.DataTree]
 ) -> dict[str, dict[str, FloatArray]]:
-    """Return scores (n, n_scores) by test and prior; parts are the tests, groups their draws."""
+    """Return scores (n, n_scores) by test and prior; parts are the tests, groups their draws.
+
+    They are those of priors that a test alone does not have: of parameters of other tests, of
+    centres and spreads, and of the deviations of all tests from these.
+    """
     own: dict[str, dict[str, FloatArray]] = {}
     for e, alone in enumerate(parts):
         scores_of_test = own[alone.name] = {}
@@ -174,7 +180,27 @@ def scores_beside(
             if problem.kind(source) not in ("shared", "partial"):
                 scores_of_test[own_name(name, problem.owner(source, e))] = scores
     every = {name: scores for one in own.values() for name, scores in one.items()}
+    pooled = _pooled_scores(problem, groups[parts[0].name].root) if problem.partial else {}
     return {
-        test: {name: scores for name, scores in every.items() if name not in known}
+        test: pooled | {name: scores for name, scores in every.items() if name not in known}
         for test, known in own.items()
     }
+
+
+def _pooled_scores(problem: Problem, of_all: xr.DataTree) -> dict[str, FloatArray]:
+    """Return scores (n, 1) of centres, spreads, and deviations of tests in spreads."""
+    draws, plain, found = of_all["posterior"].to_dataset(), problem.coordinates, {}
+    for name in problem.partial:
+        k = plain[0].quantities.index(name)
+        centre, spread = (all_draws(draws[own_name(name, one)]) for one in (CENTRE, SPREAD))
+        of_spread = stats.halfnorm(scale=problem.pooling.spread_scales[name])
+        found[own_name(name, CENTRE)] = normal_scores(
+            problem.priors[0][name].distribution(), centre
+        )
+        found[own_name(name, SPREAD)] = normal_scores(of_spread, spread)
+        for e, own in enumerate(plain):
+            if problem.has_effect(name, e):
+                key = own_name(name, problem.owner(name, e))
+                away = own.of_quantity(k, all_draws(draws[key])) - plain[0].of_quantity(k, centre)
+                found[key] = np.clip(away / spread, -SCORE_AT_BOUND, SCORE_AT_BOUND)
+    return {name: scores[:, None] for name, scores in found.items()}

@@ -1,13 +1,13 @@
 """Who decides a number: exact linear models, bounds, conflicts by simulation, a real fit."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import xarray as xr
-from conftest import SMALL_RUN, write_problem
+from conftest import ICE, SMALL_RUN, write_problem
 from linear_priors import (
     NAMES,
     flow_law,
@@ -34,10 +34,17 @@ from pyburgers.checks.prior_influence import (
 )
 from pyburgers.common.array_types import FloatArray
 from pyburgers.fitting.fit import fit
+from pyburgers.fitting.prior_draws import scores_beside
+from pyburgers.kinds.attenuation.files import load_attenuation
+from pyburgers.kinds.constant_rate.files import load_constant_rate
+from pyburgers.kinds.experiment import Experiment
+from pyburgers.kinds.problem import one_test, problem_of
+from pyburgers.kinds.together import default_priors_for, pooling_for
 from pyburgers.model.flow_law_prior import PRIOR_QUANTITIES, Conditions
 from pyburgers.model.parameters import PARAMETER_BY_NAME
 from pyburgers.model.prior_families import Prior, normal_scores
 from pyburgers.model.priors import JOINT_PRIOR, PriorSet, with_flow_law
+from pyburgers.posterior.labelled_draws import groups_of_tests
 
 N_DRAWS = 4000
 
@@ -154,7 +161,7 @@ def test_priors_that_other_tests_alone_have_count_too() -> None:
     of_test = labelled(draws[:, :2], priors)
     others = {f"stress_exponent[{k}]": draws[:, k, None] for k in range(2, 1 + n_tests)}
     assert prior_influence(of_test, priors)["beta"].origin is Origin.BOTH
-    found = prior_influence(of_test, priors, of_other_tests=others)["beta"]
+    found = prior_influence(of_test, priors, scores_beside=others)["beta"]
     assert found.prior_share == pytest.approx(1.0, abs=0.02)
     assert found.origin is Origin.PRIOR
 
@@ -374,30 +381,66 @@ def test_a_joint_prior_counts_as_one() -> None:
     assert decision_text("stress_exponent", "prior", JOINT_PRIOR) == "prior (of the flow law)"
 
 
-def test_a_pooled_parameter_is_decided_by_the_prior_of_its_centre() -> None:
-    priors = prior_set(standard_normal("beta"))
+GRAIN_SIZE, CURVES = "steady_state_grain_size", ("PIL40", "PIL72")
+
+
+def dataset(draws: Mapping[str, FloatArray]) -> xr.Dataset:
+    """Return draws of shape (n,) as those of one chain."""
+    return xr.Dataset(
+        {name: (("chain", "draw"), one[None], {"fixed": 0}) for name, one in draws.items()}
+    )
+
+
+@pytest.mark.parametrize(
+    ("away", "known", "spread", "origin", "deciders"),
+    [
+        (0.0, 1.0, 0.1, Origin.PRIOR, ("[centre]",)),
+        (0.0, 0.01, 0.4, Origin.PRIOR, ("[PIL40]",)),
+        (4.0, 0.01, 0.9, Origin.BOUND, ("", "[PIL40]")),
+    ],
+)
+def test_a_pooled_parameter_is_decided_by_the_prior_of_its_centre_or_of_its_deviation(
+    away: float, known: float, spread: float, origin: Origin, deciders: Sequence[str]
+) -> None:
+    """Of a curve whose data say nothing of it; a table, which has none, has one of the curves."""
+    tests: list[Experiment] = [load_constant_rate(ICE / f"{name}.toml") for name in CURVES]
+    tests.append(load_attenuation(ICE / "attenuation_twin.toml"))
+    problem = problem_of(tests, default_priors_for(tests), pooling_for(tests))
     rng = np.random.default_rng(1)
-    centre = rng.standard_normal(N_DRAWS)
-    own = labelled((centre + 0.1 * rng.standard_normal(N_DRAWS))[:, None], priors)
-    of_all = xr.Dataset(
-        {
-            "beta[centre]": (("chain", "draw"), centre[None], {"fixed": 0}),
-            "beta[spread]": (
-                ("chain", "draw"),
-                np.abs(rng.standard_normal((1, N_DRAWS))) * 0.5,
-                {"fixed": 0},
-            ),
+    plain = problem.coordinates[0]
+    k = plain.quantities.index(GRAIN_SIZE)
+    real = away + known * rng.logistic(size=N_DRAWS)
+
+    def grain_sizes(numbers: FloatArray) -> FloatArray:
+        return np.array([plain.value(k, one) for one in numbers])
+
+    of_all = {
+        f"{GRAIN_SIZE}[centre]": grain_sizes(real),
+        f"{GRAIN_SIZE}[spread]": spread * np.exp(0.01 * rng.standard_normal(N_DRAWS)),
+    }
+    groups = {}
+    for test, priors in zip(problem.experiments, problem.priors, strict=True):
+        own = {
+            name: priors[name].distribution().rvs(N_DRAWS, random_state=rng) for name in priors.free
         }
+        deviation = of_all[f"{GRAIN_SIZE}[spread]"] * rng.standard_normal(N_DRAWS)
+        own[GRAIN_SIZE] = grain_sizes(real + deviation)
+        groups[f"tests/{test.id}/posterior"] = dataset(own)
+        of_all[f"{GRAIN_SIZE}[{test.id}]"] = own[GRAIN_SIZE]
+    groups["posterior"] = dataset(of_all)
+    of_tests = groups_of_tests(xr.DataTree.from_dict(groups))
+    parts = [*map(one_test, problem.experiments, problem.by_effect())]
+    beside = scores_beside(problem, parts, of_tests)
+    curve, _, table = (
+        prior_influence(of_tests[part.name], part.priors[0], scores_beside=beside[part.name])
+        for part in parts
     )
-    joint = xr.DataTree.from_dict(
-        {"posterior": of_all, "tests/A/posterior": own["posterior"].to_dataset()}
-    )
-    of_test = joint["tests/A"]
-    assert isinstance(of_test, xr.DataTree)
-    found = prior_influence(of_test, priors, spread_scales={"beta": 0.5})
-    assert found["beta"].priors == ("beta[centre]",)
-    assert found["beta"].origin is Origin.PRIOR
-    assert found["beta[spread]"].priors == ("beta[spread]",)
+    found = curve[GRAIN_SIZE]
+    assert found.origin is origin
+    assert found.priors == tuple(f"{GRAIN_SIZE}{one}" for one in deciders)
+    assert abs(found.moves[f"{GRAIN_SIZE}[PIL72]"]) < 0.1
+    pooled = {f"{GRAIN_SIZE}[{owner}]" for owner in (*CURVES, "centre", "spread")}
+    assert pooled < table["maxwell_modulus"].moves.keys()
     assert decision_text("beta", "prior", "beta[centre]") == "prior (of β[centre])"
 
 

@@ -122,8 +122,8 @@ class Influence:
 
     def was_read_off(self, prior: str) -> bool:
         """Whether a prior, be it by itself or in the joint one, was read off the data."""
-        of_joint = prior in FLOW_LAW and JOINT_PRIOR in self.read_off
-        return of_joint or prior.split("[")[0] in self.read_off
+        name = prior.split("[")[0]
+        return name in self.read_off or (name in FLOW_LAW and JOINT_PRIOR in self.read_off)
 
     @property
     def priors(self) -> tuple[str, ...]:

@@ -194,15 +194,21 @@ class Fit(SampledFit):
 
     @cached_property
     def _decisions(self) -> dict[str, Influence]:
-        """Shared parameters once, others by the test that owns them."""
+        """Shared parameters once, others and all priors by the test that owns them."""
         found: dict[str, Influence] = {}
         for e, of_test in enumerate(self.influences().values()):
+            keys = {name: self._key(name, e) for one in of_test.values() for name in one.moves}
             for name, one in of_test.items():
-                pooled = FLOW_LAW[0] if name == JOINT_PRIOR else name
-                own = self.is_joint and pooled not in self.problem.shared and "[" not in name
-                key = own_name(name, self.problem.owner(pooled, e)) if own else name
-                found.setdefault(key, one)
+                key = self._key(name, e)
+                moves = {keys[prior]: move for prior, move in one.moves.items()}
+                found.setdefault(key, replace(one, name=key, moves=moves))
         return found
+
+    def _key(self, name: str, e: int) -> str:
+        """Name of a quantity or prior of a test (from 0) among those of all tests."""
+        pooled = FLOW_LAW[0] if name == JOINT_PRIOR else name
+        own = self.is_joint and pooled not in self.problem.shared and "[" not in name
+        return own_name(name, self.problem.owner(pooled, e)) if own else name
 
     def predict(
         self,

@@ -40,7 +40,7 @@ def pooling_table(joint: Fit, separate: Sequence[Fit] = ()) -> pd.DataFrame:
     """
     tests, alone = joint.tests(), fits_alone(joint, separate)
     problem, reference = joint.problem, joint.problem.likelihood.reference.name
-    influences = joint.influences()
+    influences, common = joint.influences(), joint.decisions()
     texts = {name: tables.quoted_or_prior(fit) for name, fit in tests.items()}
     alone_texts = {name: tables.quoted_or_prior(fit) for name, fit in alone.items()}
     rows = []
@@ -50,7 +50,8 @@ def pooling_table(joint: Fit, separate: Sequence[Fit] = ()) -> pd.DataFrame:
             if not problem.has_effect(quantity, e):
                 continue
             mean, sd = _moments(fit, quantity)
-            decided = decision_columns(influences.get(name, {}).get(quantity))
+            deciders = common if kind == "shared" else influences.get(name, {})
+            decided = decision_columns(deciders.get(quantity))
             alone_mean, alone_sd = _moments(alone[name], quantity)
             if alone_sd == 0:  # taken as known there
                 alone_mean, alone_sd = np.nan, np.nan

@@ -54,6 +54,8 @@ def test_shared_draws_are_the_same_in_all_tests(joint: Fit) -> None:
 def test_every_number_of_a_joint_fit_says_who_decides_it(joint: Fit) -> None:
     summary = joint.summary("SI")
     assert (summary["decided_by"] != "").all()
+    # Priors are named as rows are, with the test that has them.
+    assert {*"; ".join(summary["by_prior_of"]).split("; ")} <= {"", *summary.index}
     table = pooling_table(joint)
     for row in table.to_dict("records"):
         name, test = row["quantity"], row["test"]

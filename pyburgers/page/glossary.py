@@ -19,8 +19,8 @@ from pyburgers.model.laws import DASHPOT_LAWS
 DEFINITIONS = {
     "posterior": "Knowledge of the parameters after the data: prior times likelihood.",
     "prior": "Knowledge of a parameter before the data.",
-    "sd / prior sd": "Share of the prior's width that is left; near 1 the data said nothing. A "
-    "small one may come from the prior of another quantity.",
+    "sd / prior sd": "Share of the prior's width that is left; near 1 the data did not narrow "
+    "it. A small one may come from the prior of another quantity.",
     "decided by": "Who decides the number: data, a prior and of which quantity, both, or a bound.",
     "R-hat": "Compares chains with each other; 1 where they agree, at most 1.01 is wanted.",
     "effective sample size": "How many independent draws the correlated ones are worth.",

@@ -32,7 +32,14 @@ from pyburgers.model.display import (
 )
 from pyburgers.model.reference_quantities import REFERENCE_FLOW_RATE_QUANTITY
 from pyburgers.page.mechanism_figures import MECHANISM_COLOURS, map_caption, mechanism_figure
-from pyburgers.page.tables import DECISION, checks_page_table, fixed_row, not_by_data, posterior_row
+from pyburgers.page.tables import (
+    DECISION,
+    checks_page_table,
+    decided_cell,
+    fixed_row,
+    not_by_data,
+    posterior_row,
+)
 from pyburgers.posterior.labelled_draws import own_name
 
 RATE_KEY = "rates"
@@ -192,8 +199,8 @@ def _law_text(fit: RateFit) -> str:
         symbol = f"{symbol_text(quantity).removesuffix('_M')} = "
         if name not in summary.index:
             return f"{symbol}{values[0]:g}{unit} (given)"
-        decided = str(summary.at[name, "decided_by"])
-        return f"{symbol}{value_text(values)}{unit} (decided by {decided})"
+        decided = decided_cell(name, summary.loc[name].to_dict())
+        return f"{symbol}{value_text(values)}{unit}" + f" (decided by {decided})" * bool(decided)
 
     parts = []
     for one in fit.law.mechanisms:

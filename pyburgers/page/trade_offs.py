@@ -63,9 +63,10 @@ def strongest_trade_off(fit: FittedTest, shown: Panels | None = None) -> str:
 @recipe(
     "pairs",
     "Trade-offs between quantities",
-    "Joint posterior of pairs of quantities, at most 1000 draws. A round cloud: the data fix "
-    "both independently; a narrow oblique or bent one: they fix a combination only. Divergent "
-    "draws lie on top; where they gather, the posterior reaches further than the draws show.",
+    "Joint posterior of pairs of quantities, at most 1000 draws. A round cloud: no trade-off "
+    "between the two, whoever decides them; a narrow oblique or bent one: a combination of them is "
+    "known better than each. Divergent draws lie on top; where they gather, the posterior reaches "
+    "further than the draws show.",
     strongest_trade_off,
 )
 def pairs(fit: FittedTest, shown: Panels | None = None) -> Figure:

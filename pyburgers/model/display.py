@@ -26,6 +26,7 @@ _GREEK = {
     r"\eta": "η",
     r"\sigma": "σ",
     r"\beta": "β",
+    r"\phi ": "φ",
     r"\phi": "φ",
     r"\dot\epsilon": "ε̇",
     r"\epsilon": "ε",

@@ -345,7 +345,9 @@ def _display(name: str) -> tuple[float, str]:
 ASCII_SIGNS = str.maketrans({"µ": "u", "±": "+-"})
 """Signs in comments of files that other programs read."""
 
-LATEX_SIGNS = str.maketrans({"%": r"\%", "µ": r"$\mu$", "–": "--", "⁻": "$^{-}$", "⁶": "$^{6}$"})
+LATEX_SIGNS = str.maketrans(
+    {"%": r"\%", "µ": r"$\mu$", "–": "--", "⁻": "$^{-}$", "⁶": "$^{6}$", "³": "$^{3}$"}
+)
 """Signs of units as LaTeX has them."""
 
 _BEGINNING = re.compile(

@@ -15,6 +15,7 @@ import xarray as xr
 from conftest import ICE
 from flow_codes import READERS
 from linear_bodies import LAWS
+from matplotlib.mathtext import MathTextParser
 from oracle import GAS_CONSTANT, dashpot_rate
 from refusals import CommandLine
 from synthetic_fit import make_fit
@@ -27,7 +28,9 @@ from pyburgers.fitting.fit import Fit
 from pyburgers.flow_law_tables.fit import RateFit
 from pyburgers.flow_law_tables.fit_rates import fit_rates
 from pyburgers.kinds.problem import problem_of
+from pyburgers.model.display import symbol_text
 from pyburgers.model.laws import DASHPOT_LAWS, KELVIN_LAWS, MECHANISMS
+from pyburgers.model.parameters import PARAMETER_BY_NAME, Parameter
 from pyburgers.model.variants import with_variant
 from pyburgers.page.rate_section import rate_section
 from pyburgers.predictions.exports import FORMATS, export
@@ -490,6 +493,13 @@ def test_laws_of_mechanisms_are_exported_as_expressions(creep: RateFit, tmp_path
     (text,) = export(creep, "aspect", grain_size=1e-3)
     assert "of the tests, grain size 1000" in text
     assert "dislocation" in export(composite, "latex")[0]
+
+
+@pytest.mark.parametrize("parameter", PARAMETER_BY_NAME.values(), ids=[*PARAMETER_BY_NAME])
+def test_tex_reads_every_symbol(parameter: Parameter) -> None:
+    """Tables in LaTeX and figures have it; one that TeX cannot read stops both."""
+    MathTextParser("path").parse(f"${parameter.symbol}$")
+    assert "\\" not in symbol_text(parameter)
 
 
 def test_the_command_writes_the_mean_and_each_draw(

@@ -53,7 +53,7 @@ def add_options(command: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Run the command; return its exit code."""
     experiment = load_experiment(options.experiment)
-    for sentence in doubts(experiment):
+    for sentence in (*experiment.notices, *doubts(experiment)):
         logger.info(f"note: {sentence}")
     check_output(options.out, options.experiment, options.parameters, options.run_of)
     laws: dict[str, str] = {}

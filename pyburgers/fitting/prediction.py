@@ -161,7 +161,7 @@ class Prediction:
     cautions : tuple of str
         Doubts: verdicts on the fit that are not yes, extrapolation.
     notes : tuple of str
-        Sources of parameters and noise.
+        Sources of parameters and noise; notices of the test's file.
 
     Examples
     --------
@@ -258,7 +258,7 @@ def predict_test(
         taken = f"The fit has {kept.size} draws, which are all taken; {draws} were asked for."
         notes = [taken, *notes]
     notes += [*apparatus_notes, *condition_notes, *modulus_notes, *law_notes]
-    notes += [*noise_notes, *discrepancy_notes]
+    notes += [*noise_notes, *discrepancy_notes, *experiment.notices]
     of_solved = {name: own[solved] for name, own in values.items()}
     predictions = posterior["predictions"].to_dataset()
     notes += discrepancy_sentences(experiment, of_solved, fitted, predictions)

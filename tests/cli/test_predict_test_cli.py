@@ -16,6 +16,7 @@ from same_contents import contents
 
 from pyburgers.fitting.fit import Fit
 from pyburgers.kinds.constant_rate.experiment import RateSegment
+from pyburgers.kinds.experiment_file import SIGNS_WERE_TURNED
 from pyburgers.kinds.kind import save_experiment
 
 
@@ -46,6 +47,19 @@ def test_a_test_without_data_gets_bands_draws_and_a_figure(
         assert kept.attrs["which_draws"] == small_fit.which_draws
     assert stress.shape == (20, len(table))
     np.testing.assert_allclose(table["stress_Pa_q50"], np.median(stress, axis=0), rtol=1e-6)
+
+
+def test_what_was_converted_in_the_file_is_said(
+    small_fit: Fit, slower: Path, tmp_path: Path, cli: CommandLine
+) -> None:
+    """Bands of a tension test have other signs than its file."""
+    text = slower.read_text(encoding="utf-8")
+    slower.write_text(text.replace("notices = []", f'notices = ["{SIGNS_WERE_TURNED}"]'))
+    run, out = small_fit.directory.path, tmp_path / "slower.csv"
+    printed = cli("predict", run, slower, "--out", out, "--draws", "2")
+    assert f"{SIGNS_WERE_TURNED}\n" in printed
+    cli("simulate", slower, "--from", run, "--out", tmp_path / "solved.csv")
+    assert f"note: {SIGNS_WERE_TURNED}\n" in cli.error
 
 
 @pytest.mark.parametrize("what", ["attenuation", "test"])

@@ -366,9 +366,8 @@ def _decisions(influences: Mapping[str, Influence]) -> Iterator[str]:
             "check the units of stress, strain rate, temperature and grain size."
         )
     for name, one in influences.items():
-        if one.origin is Origin.CANNOT_TELL or one.name.startswith(
-            JOINT_PRIOR
-        ):  # no number of a table
+        # The joint prior is no number of a table.
+        if one.origin is Origin.CANNOT_TELL or one.name.startswith(JOINT_PRIOR):
             continue
         if one.bound is not None:
             yield _bound_sentence(name, one.bound)

@@ -38,7 +38,7 @@ ERROR = 3e4
 MISSED = 6.0
 """Amplitude of the smooth term that no parameter follows, over `ERROR`."""
 
-RUN = replace(SMALL_RUN, draws=300)
+RUN = replace(SMALL_RUN, draws=1000)
 
 
 def twin(problem: Problem, missed: float) -> ConstantRateExperiment:

@@ -16,7 +16,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
-from conftest import SMALL_RUN, Problem, with_fixed
+from conftest import LONG_RUN, SMALL_RUN, Problem, with_fixed
 from log_density import Program
 from truths import truth_of
 
@@ -145,7 +145,7 @@ def test_chains_need_not_agree_on_the_reference_of_a_flow_law_that_is_fixed(
     test = small_problem.experiment
     truth = truth_of(test)
     law = with_fixed(small_problem.priors, {"activation_enthalpy": truth["activation_enthalpy"]})
-    result = fit(test, law, out=tmp_path / "run", options=SMALL_RUN)
+    result = fit(test, law, out=tmp_path / "run", options=LONG_RUN)
     assert result.summary().index.tolist() == ["maxwell_modulus", "stress_noise"]
     (rhat,) = (one for one in result.checks() if one.name == "R-hat")
     assert rhat.outcome is Outcome.YES

@@ -55,8 +55,8 @@ N_REFINEMENTS = 4
 LEAST_CURVATURE = 0.15
 """Floor of the eigenvalues: flat directions are about as wide as a logistic prior, sd 1.8-2.6."""
 
-STALLED, LONGEST_FIRST = 20.0, 600.0
-"""A climb that takes so many times the longest one before it is given up, the first after s.
+N_ITERATIONS = 5000
+"""Of a climb at most. It is given up when so many gradients would have taken less time.
 
 Where the log density jumps, Stan's line search halves a step without end. None is given up within
 `PATIENCE`."""
@@ -360,7 +360,7 @@ class Density:
         with _inputs(self.data, {COORDINATE: start.tolist()}) as folder:
             self.program.run(
                 folder,
-                ["method=optimize", "algorithm=lbfgs", "iter=5000"],
+                ["method=optimize", "algorithm=lbfgs", f"iter={N_ITERATIONS}"],
                 seed=seed,
                 failure="The optimiser failed",
                 # It ends the climb where it is, often at the maximum.
@@ -375,13 +375,15 @@ class Density:
     def ends(self, starts: Sequence[FloatArray], *, seed: int) -> list[Ending]:
         """Climb from every start and return the ends, the best first; tell how far it has come."""
         found: list[Ending] = []
-        told, longest = time.monotonic(), 0.0
+        began = time.monotonic()
+        with suppress(SamplingError):
+            self.gradients(np.array(starts[:1]))
+        told = time.monotonic()
+        limit = max(PATIENCE, N_ITERATIONS * (told - began))
         for number, place in enumerate(starts, start=1):
-            began, limit = time.monotonic(), STALLED * longest or LONGEST_FIRST
             # The optimiser may leave the region where the solver finds a solution.
             with suppress(SamplingError):
-                found.append(self.climb(place, seed=seed, limit=max(PATIENCE, limit)))
-                longest = max(longest, time.monotonic() - began)
+                found.append(self.climb(place, seed=seed, limit=limit))
             if time.monotonic() - told >= PATIENCE and number < len(starts):
                 told = time.monotonic()
                 logger.info(f"{number} of {len(starts)} climbs to the mode are done.")

@@ -93,9 +93,11 @@ class Running:
 
     def wait(self, limit: float | None = None) -> None:
         """Wait for its end, and end it at a time limit (s) or at an interrupt."""
+        printed = select.poll()
+        printed.register(self._pipe, select.POLLIN)
         try:
             while not self.has_ended(limit):
-                select.select([self._pipe], [], [], POLL_SECONDS)
+                printed.poll(1e3 * POLL_SECONDS)
         finally:
             self.stop()
 

@@ -31,7 +31,6 @@ from pyburgers.kinds.loading_history.stages import Stage
 from pyburgers.kinds.problem import Problem, problem_of
 from pyburgers.kinds.together import pooling_for
 from pyburgers.model.priors import default_priors, load_priors
-from pyburgers.sampling.options import DEFAULT_MINUTES, ENOUGH_DRAWS
 from pyburgers.sampling.repetitions import shortened
 from pyburgers.sbc.data_sets import Range, calibration_priors, simulate_from_prior
 
@@ -97,12 +96,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--draws", type=int, default=SamplerOptions.draws)
     options = parser.parse_args(arguments)
     # Each fit is one process: its chains take turns, in the time of two cores.
-    sampler = SamplerOptions(
-        chains=options.chains,
-        draws=options.draws,
-        parallel_chains=1,
-        max_minutes=2 * DEFAULT_MINUTES if options.draws >= ENOUGH_DRAWS else 0.0,
-    )
+    sampler = SamplerOptions(chains=options.chains, draws=options.draws, parallel_chains=1)
+    sampler = replace(sampler, max_minutes=2 * sampler.minutes_of_sampling)
     tasks: dict[Key, Sequence[object]] = {
         (kind, seed): (options.out, kind, seed, sampler)
         for seed in options.seeds

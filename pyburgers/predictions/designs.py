@@ -3,11 +3,12 @@
 Draws of a fit are truths. Each is solved for a candidate test and read with noise, so that a
 quantity and new readings have a joint distribution. An estimator of the quantity from the readings
 has a mean squared error that no posterior exceeds on average, whatever their joint distribution.
-Estimators are made from some draws and judged on others. As in a joint fit with default pooling,
-the new sample shares flow law and moduli with the fitted one, and has a microstructure of its own.
+Estimators are made from some draws, with their noise, and judged on others. As in a joint fit with
+default pooling, the new sample shares flow law and moduli with the fitted one, and has a
+microstructure of its own.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from numbers import Integral
 from types import NoneType
@@ -16,7 +17,8 @@ import numpy as np
 import pandas as pd
 from scipy import linalg
 
-from pyburgers.common.array_types import IntArray
+from pyburgers.checks.prior_influence import OF_NOISE
+from pyburgers.common.array_types import BoolArray, IntArray
 from pyburgers.common.draws import FloatArray, all_draws
 from pyburgers.common.errors import InputError, require_type
 from pyburgers.comparison.same_data import check_same_data
@@ -137,7 +139,7 @@ def design(
         for name, one in plan.candidates.items()
     }
     others = dict[str, Prediction]()
-    rows, features = dict[str, dict[str, float | str]](), dict[str, FloatArray]()
+    rows, features = dict[str, dict[str, float | str]](), dict[str, list[FloatArray]]()
     kept = _common_draws(list(predictions.values()))
     fitted = next(iter(fit.tests().values())).posterior["posterior"].to_dataset()
     truths = {name: _scaled(all_draws(fitted[name])[kept]) for name in plan.about}
@@ -243,6 +245,11 @@ def _check(fit: Fit, about: Sequence[str], draws: int) -> None:
     """Check that all draws know the parameters of a new test of the same material."""
     problem = fit.problem
     for name in about:
+        if name in OF_NOISE:
+            raise InputError(
+                f"{name}: is a parameter of the residuals, expected one of the flow law, the "
+                "moduli or the microstructure."
+            )
         if name not in problem.free:
             raise InputError(
                 f"{name}: is fixed in the fit or no parameter of it, expected one of "
@@ -254,6 +261,12 @@ def _check(fit: Fit, about: Sequence[str], draws: int) -> None:
             )
     if draws < LEAST_DRAWS:
         raise InputError(f"draws: found {draws}, expected at least {LEAST_DRAWS}.")
+    of_fit = next(iter(fit.tests().values())).posterior["posterior"].sizes
+    if (kept := of_fit["chain"] * of_fit["draw"]) < LEAST_DRAWS:
+        raise InputError(
+            f"{fit.directory.path}: found {kept} draws, expected at least {LEAST_DRAWS}; fit "
+            "again with more (option --draws)."
+        )
 
 
 def _common_draws(predictions: Sequence[Prediction]) -> IntArray:
@@ -294,11 +307,12 @@ def places_read(number: int, n: int) -> IntArray:
 
 def telling_combinations(
     name: str, signal: FloatArray, readings: FloatArray, solutions: FloatArray
-) -> FloatArray:
+) -> list[FloatArray]:
     """Combine `readings` (m, k) to (m, n_features) so that `solutions` (m, k) differ beyond noise.
 
     `signal` (n, k): solutions of the first n readings, whose differences are the noise. Readings
     are taken by their logarithm where they lie far out: a few draws would hide what all others say.
+    Each of `FOLDS` has combinations of its own, made from the draws that it does not judge.
     """
     if not (np.ptp(readings[: len(signal)] - signal, axis=0) > 0).all():
         raise InputError(
@@ -310,16 +324,41 @@ def telling_combinations(
     signal, readings, solutions = (
         np.arcsinh((one - middle) / far) for one in (signal, readings, solutions)
     )
-    noise = np.atleast_2d(np.cov((readings[: len(signal)] - signal).T))
-    scale = np.sqrt(np.diag(noise))
-    # Correlated noise of many readings is near singular; a ten-thousandth keeps it invertible.
-    correlation = noise / np.outer(scale, scale) + 1e-4 * np.eye(len(scale))
-    half = linalg.cholesky(correlation, lower=True)
-    white = linalg.solve_triangular(half, ((solutions - solutions.mean(0)) / scale).T, lower=True)
+    noise = readings[: len(signal)] - signal
+    return [
+        _combined(noise[~judged[: len(noise)]], readings, solutions[~judged])
+        for judged in _judged(len(readings), len(noise))
+    ]
+
+
+def _judged(number: int, n_first: int) -> Iterator[BoolArray]:
+    """Which of `number` rows, of which `n_first` are of one law, each fold judges."""
+    draw = np.r_[np.arange(n_first), np.arange(number - n_first)]
+    return (draw % FOLDS == fold for fold in range(FOLDS))
+
+
+def _combined(noise: FloatArray, readings: FloatArray, solutions: FloatArray) -> FloatArray:
+    """Combine `readings` (m, k) so that `solutions` (n, k) differ most against `noise` (n', k)."""
+    scale, middle = noise.std(axis=0), solutions.mean(axis=0)
+    half = linalg.cholesky(_correlation((noise - noise.mean(axis=0)) / scale), lower=True)
+    white = linalg.solve_triangular(half, ((solutions - middle) / scale).T, lower=True)
     directions, sizes, _ = linalg.svd(white, full_matrices=False)
     telling = min(MOST_FEATURES, int(np.sum(sizes**2 / len(solutions) > LEAST_SIGNAL)))
-    seen = linalg.solve_triangular(half, ((readings - solutions.mean(0)) / scale).T, lower=True)
+    seen = linalg.solve_triangular(half, ((readings - middle) / scale).T, lower=True)
     return np.asarray((directions[:, :telling].T @ seen).T)
+
+
+def _correlation(noise: FloatArray) -> FloatArray:
+    """Correlation of standardized `noise` (n, k), nearer to none where few draws tell it.
+
+    As far as in Schäfer and Strimmer (2005, doi:10.2202/1544-6115.1175). The correlation of many
+    readings is near singular; a ten-thousandth keeps it invertible.
+    """
+    found = noise.T @ noise / len(noise)
+    spread = ((noise**2).T @ noise**2 / len(noise) - found**2) / len(noise)
+    apart = ~np.eye(len(found), dtype=bool)
+    share = min(1.0, float(spread[apart].sum() / max(np.sum(found[apart] ** 2), 1e-300)))
+    return (1.0 - share) * found + (share + 1e-4) * np.eye(len(found))
 
 
 def _scaled(values: FloatArray) -> FloatArray:
@@ -327,46 +366,42 @@ def _scaled(values: FloatArray) -> FloatArray:
     return np.log(values) if (values > 0).all() else values
 
 
-def _widths(truths: Mapping[str, FloatArray], features: FloatArray) -> dict[str, float]:
+def _widths(truths: Mapping[str, FloatArray], features: Sequence[FloatArray]) -> dict[str, float]:
     """Root mean squared error of each quantity over its present standard deviation, at most 1."""
     return {f"{name}_width": expected_width(values, features) for name, values in truths.items()}
 
 
-def expected_width(truth: FloatArray, features: FloatArray) -> float:
-    """Error of an estimator of `truth` (n,) from `features` (n, k), over the sd, at most 1.
+def expected_width(truth: FloatArray, features: Sequence[FloatArray]) -> float:
+    """Error of an estimator of `truth` (n,) from `features` of each fold (n, k), over the sd.
 
     It is linear in the features, or in them and products of the strong ones, whichever errs less:
-    a sample with a microstructure of its own makes the best estimator a curve.
+    a sample with a microstructure of its own makes the best estimator a curve. At most 1.
     """
-    strong = features[:, features.var(axis=0) > 1.0 + STRONG_SIGNAL]
-    first, second = np.triu_indices(strong.shape[1])
-    products = strong[:, first] * strong[:, second]
-    linear = np.column_stack([np.ones(len(truth)), features])
-    errors = (
-        _errors_when_judged(truth, one) for one in (linear, np.column_stack([linear, products]))
-    )
+    errors = (_errors_when_judged(truth, features, curved) for curved in (False, True))
     return min(1.0, *(float(np.sqrt(np.mean(one**2)) / truth.std()) for one in errors))
 
 
-def _errors_when_judged(truth: FloatArray, terms: FloatArray) -> FloatArray:
-    """Errors of the best sum of `terms` (n, k) for `truth` (n,), each part by what others say."""
+def _errors_when_judged(
+    truth: FloatArray, features: Sequence[FloatArray], curved: bool
+) -> FloatArray:
+    """Errors of the best sum of terms of `features` for `truth` (n,), each fold by the others."""
     errors = np.empty(len(truth))
-    for fold in range(FOLDS):
-        judged = np.arange(len(truth)) % FOLDS == fold
+    for judged, one in zip(_judged(len(truth), len(truth)), features, strict=True):
+        strong = one[:, one.var(axis=0) > 1.0 + STRONG_SIGNAL]
+        first, second = np.triu_indices(strong.shape[1] if curved else 0)
+        terms = np.column_stack([np.ones(len(truth)), one, strong[:, first] * strong[:, second]])
         coefficients, *_ = linalg.lstsq(terms[~judged], truth[~judged])
         errors[judged] = truth[judged] - terms[judged] @ coefficients
     return errors
 
 
-def share_told_apart(features: FloatArray, n_first: int) -> float:
+def share_told_apart(features: Sequence[FloatArray], n_first: int) -> float:
     """Share of rows of `features` (n, k), `n_first` of one law, given to the right one of two."""
-    number = np.r_[np.arange(n_first), np.arange(len(features) - n_first)]
-    is_first = np.arange(len(features)) < n_first
-    right = np.empty(len(features), bool)
-    for fold in range(FOLDS):
-        judged = number % FOLDS == fold
+    is_first = np.arange(len(features[0])) < n_first
+    right = np.empty(len(is_first), bool)
+    for judged, one in zip(_judged(len(is_first), n_first), features, strict=True):
         first, second = (
-            _log_normal_density(features[judged], features[~judged & of_law])
+            _log_normal_density(one[judged], one[~judged & of_law])
             for of_law in (is_first, ~is_first)
         )
         right[judged] = (first > second) == is_first[judged]
@@ -404,7 +439,7 @@ def _beyond(plan: DesignPlan, candidate: Candidate, stress: float) -> str:
 
 def _one_after_the_other(
     truths: Mapping[str, FloatArray],
-    features: Mapping[str, FloatArray],
+    features: Mapping[str, Sequence[FloatArray]],
     within: Sequence[str],
     choose: int,
 ) -> pd.DataFrame:
@@ -418,7 +453,8 @@ def _one_after_the_other(
         found = {}
         for name in within:
             if name not in chosen:
-                together = np.hstack([features[one] for one in (*chosen, name)])
+                folds = zip(*(features[one] for one in (*chosen, name)), strict=True)
+                together = [np.hstack(parts) for parts in folds]
                 widths = _widths(truths, together)
                 found[name] = {key: min(width, before[key]) for key, width in widths.items()}
         best = min(found, key=lambda name: float(np.mean(np.log([*found[name].values()]))))

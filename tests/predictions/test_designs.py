@@ -24,6 +24,7 @@ from pyburgers.kinds.experiment import of_kind
 from pyburgers.model.priors import default_priors
 from pyburgers.predictions.design_plans import Candidate, DesignPlan
 from pyburgers.predictions.designs import (
+    FOLDS,
     ROUNDED_HOURS,
     _beyond,
     _largest_stress,
@@ -60,15 +61,31 @@ def test_widths_of_a_linear_test_are_those_of_its_posterior() -> None:
         assert expected_width(truths[:, k], features) == pytest.approx(expected, rel=0.03)
 
 
+@pytest.mark.parametrize("k", [1, 80, 200])
+def test_many_readings_of_few_draws_tell_no_more_than_they_hold(k: int) -> None:
+    rng = np.random.default_rng(k)
+    truth = rng.normal(size=200)
+    solutions = np.tile(truth[:, np.newaxis], k)
+    readings = solutions + np.sqrt(k / 3.0) * rng.normal(size=(200, k))
+    features = telling_combinations("many", solutions, readings, solutions)
+    assert expected_width(truth, features) == pytest.approx(0.5, abs=0.07)
+
+
+def of_each_fold(features: FloatArray) -> list[FloatArray]:
+    """Return features (n, k) that do not depend on the fold."""
+    return [features] * FOLDS
+
+
 def test_an_estimator_may_be_a_curve() -> None:
     truth, own = np.random.default_rng(4).normal(size=(2, 1000))
     features = 10.0 * np.column_stack([truth + own**2, own])
-    assert expected_width(truth, features) < 0.01
+    assert expected_width(truth, of_each_fold(features)) < 0.01
 
 
 def test_readings_of_noise_alone_narrow_nothing() -> None:
     rng = np.random.default_rng(1)
-    assert expected_width(rng.normal(size=1000), rng.normal(size=(1000, 12))) == 1.0
+    features = of_each_fold(rng.normal(size=(1000, 12)))
+    assert expected_width(rng.normal(size=1000), features) == 1.0
 
 
 def test_laws_are_told_apart_as_often_as_their_distance_allows() -> None:
@@ -76,9 +93,10 @@ def test_laws_are_told_apart_as_often_as_their_distance_allows() -> None:
     apart = 1.5
     first, second = rng.normal(size=(2, 5000, 3))
     second[:, 1] += apart
-    share = share_told_apart(np.vstack([first, second]), 5000)
+    share = share_told_apart(of_each_fold(np.vstack([first, second])), 5000)
     assert share == pytest.approx(stats.norm.cdf(apart / 2), abs=0.015)
-    assert share_told_apart(rng.normal(size=(4000, 3)), 2000) == pytest.approx(0.5, abs=0.03)
+    same = of_each_fold(rng.normal(size=(4000, 3)))
+    assert share_told_apart(same, 2000) == pytest.approx(0.5, abs=0.03)
 
 
 def plan_for(fit: Fit) -> DesignPlan:
@@ -135,6 +153,8 @@ def test_designs_that_cannot_be_judged_are_refused(small_fit: Fit, separate_join
     plan = plan_for(small_fit)
     with pytest.raises(InputError, match="stress_exponent: is fixed in the fit"):
         design(small_fit, replace(plan, about=("stress_exponent",)))
+    with pytest.raises(InputError, match="stress_noise: is a parameter of the residuals"):
+        design(small_fit, replace(plan, about=("stress_noise",)))
     with pytest.raises(InputError, match="differs between the tests"):
         design(separate_joint, plan)
     with pytest.raises(InputError, match="found 20, expected at least 200"):
@@ -190,7 +210,10 @@ def test_a_further_test_widens_nothing() -> None:
     rng = np.random.default_rng(1)
     truth = {"beta": rng.normal(size=200)}
     tells = truth["beta"][:, np.newaxis] + rng.normal(size=(200, 1))
-    features = {"tells": tells, "noise": rng.normal(size=(200, 12))}
+    features = {
+        "tells": of_each_fold(tells),
+        "noise": of_each_fold(rng.normal(size=(200, 12))),
+    }
     alone, both = _one_after_the_other(truth, features, [*features], 2)["beta_width"]
     assert both <= alone
 

@@ -76,8 +76,10 @@ class Pins:
     `path_strain`, `strain_rate`, `stress_rate`, `grain_size`: the solution there, rates (1, Pa) in
         the unit, grain size in m.
     `relative_noise`: of a reading near each pin, as a share of the stress; infinite where the pin
-        counts by its time alone, which stands for all since the start of the load.
+        counts by its time alone.
     `time_spent`: time (s) of the dashpot near each pin if ln S_0 is solved from times, else 0.
+    `since_start`: time (s) from the start of the load over which the rates of a pin are averages;
+        0: they are those at the pin.
     `readings`: number of readings for each pin that has noise.
     `reference_rate`: rate (1/s) that ln S_0 belongs to.
     `loading_time`: time (s) of the elastic rise, in which spring and Kelvin element give together.
@@ -97,17 +99,13 @@ class Pins:
     grain_size: FloatArray
     relative_noise: FloatArray
     time_spent: FloatArray
-    readings: float
+    since_start: FloatArray
+    readings: FloatArray
     reference_rate: float
     loading_time: float
     noise: str
     seen_flow: float = 0.0
     replaced_deviation: float = 0.0
-
-    @property
-    def since_start(self) -> FloatArray:
-        """Time (s) from the start over which a pin's rates are averages; 0: those at the pin."""
-        return np.where(np.isinf(self.relative_noise), self.time_spent, 0.0)
 
     @property
     def strain_is_read(self) -> bool:
@@ -237,14 +235,14 @@ class ValleyChart(Chart[E]):
         }
 
 
-def quantile_places(path_strain: FloatArray) -> IntArray:
-    """Places of the pins: quantiles of path strains, not decreasing, where the dashpot flows."""
+def quantile_places(path_strain: FloatArray, number: int) -> IntArray:
+    """Places of pins: quantiles of path strains, not decreasing, where the dashpot flows."""
     n_flowing = path_strain.size
     if n_flowing < MIN_FLOWING_POINTS:
         raise ChartUnsuited(
             f"only {n_flowing} points lie where the dashpot flows, {MIN_FLOWING_POINTS} are needed"
         )
-    quantiles = (np.arange(N_PINS) + 0.5) / N_PINS
+    quantiles = (np.arange(number) + 0.5) / number
     places = np.rint(quantiles * (n_flowing - 1)).astype(np.int64)
     _, first = np.unique(path_strain[places], return_index=True)
     return np.asarray(places[first])

@@ -1,7 +1,7 @@
 """Pins of the valley coordinates along loading histories."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -42,7 +42,11 @@ SLOPE_NOISE = 2 * np.pi
 
 
 class LoadingHistoryValley(ValleyChart[HistoryExperiment]):
-    """Pins lie at readings, where strain advances by flow; ln S_0 is that in the middle."""
+    """Pins lie at readings, where strain advances by flow; ln S_0 is that in the middle.
+
+    Under loads alone, ln S_0 follows from times at the pins of the load with most flow. As many
+    under the others keep their flow where the split of the softening changes.
+    """
 
     def pins(self, test: AtMode[HistoryExperiment]) -> Pins:
         """Set pins where the dashpot carries nearly all of a read rate, or half an imposed one."""
@@ -51,35 +55,35 @@ class LoadingHistoryValley(ValleyChart[HistoryExperiment]):
         flowing = curve.flowing & curve.is_reading
         settled = flowing & curve.settled
         at_readings = settled if settled.sum() >= N_PINS else flowing
-        load = _load_that_flows(experiment, curve, at_readings)
-        if load is not None:
-            at_readings = at_readings & (curve.leg == load)
-        places = np.flatnonzero(at_readings)[quantile_places(curve.path_strain[at_readings])]
+        loads = _loads_that_flow(experiment, curve, at_readings)
         strain_is_read = experiment.response_is_strain[np.cumsum(curve.is_reading) - 1]
-        flowed = np.ptp(curve.path_strain[at_readings])
-        start = 0
-        before: IntArray = np.empty(0, dtype=np.int64)
-        if load is not None:
-            start = int(np.searchsorted(curve.leg, load))
-            before = _end_before(curve, start, places)
-        at = np.concatenate([before, places])
-        since_start = np.where(at < places[0], curve.time[at] - curve.time[start], 0.0)
+        beside = max(2, -(-N_PINS // max(1, len(loads) - 1)))
+        parts = [
+            _under_load(curve, at_readings & (curve.leg == load), values, number)
+            for load, number in zip(loads, [N_PINS] + [beside] * len(loads), strict=False)
+        ] or [_wherever_it_flows(curve, at_readings, values, strain_is_read, N_PINS)]
+        order = np.argsort(np.concatenate([one.at for one in parts]))
+        at, averaged, noise, readings = (
+            np.concatenate([getattr(one, field.name) for one in parts])[order]
+            for field in fields(_Places)
+        )
+        is_first = np.isin(at, parts[0].at)
+        start = np.searchsorted(curve.leg, curve.leg[at])
+        since_start = np.where(averaged, curve.time[at] - curve.time[start], 0.0)
 
         def rate_or_average(rate: FloatArray, whole: FloatArray) -> FloatArray:
             """Rate at pins, where times since the start of the load are given that since then."""
-            averaged = since_start > 0
-            gained = whole[at] - (whole[start - 1] if start else 0.0)
+            gained = whole[at] - np.where(start > 0, whole[start - 1], 0.0)
             average = gained / np.where(averaged, since_start, 1.0)
             return np.asarray(np.where(averaged, average, rate[at]))
 
         unit = rate_or_average(curve.dashpot_rate, curve.dashpot_strain)
-        noise = np.where(
-            strain_is_read[at],
-            SLOPE_NOISE * values["strain_noise"] / flowed / values["stress_exponent"],
-            values["stress_noise"] / curve.stress[at],
-        )
-        time_spent = _time_spent(curve, start, before, places)
-        readings = _independent_readings(curve.time[at_readings], values)
+        time_spent = np.zeros(at.size)
+        if loads:
+            time_spent[is_first] = _time_spent(curve, at[is_first], since_start[is_first])
+        path_strain = curve.path_strain[at]
+        for k in np.flatnonzero(averaged):
+            path_strain[k] = _strain_at_rate(curve, start[k], at[k], unit[k])
         # Where stress is imposed, it is exactly linear between the ends of a leg.
         shows = np.where(curve.driven_by_stress, curve.is_end, curve.is_knot)
         kept = shows | np.isin(np.arange(curve.leg.size), at)
@@ -89,22 +93,21 @@ class LoadingHistoryValley(ValleyChart[HistoryExperiment]):
             knot_stress=curve.stress[kept],
             knot=np.searchsorted(np.flatnonzero(kept), at),
             unit=unit,
-            path_strain=np.concatenate(
-                [
-                    [_strain_at_rate(curve, start, end, unit[0]) for end in before],
-                    curve.path_strain[places],
-                ]
-            ),
+            path_strain=path_strain,
             strain_rate=strain_rate / unit,
             stress_rate=rate_or_average(curve.stress_rate, curve.stress) / unit,
             grain_size=curve.grain_size[at],
-            relative_noise=np.where(since_start > 0, np.inf, noise),
+            # Where times count, the beginning of the load does so by its time alone.
+            relative_noise=np.where(is_first & averaged, np.inf, noise),
             time_spent=time_spent,
-            readings=readings / places.size,
-            reference_rate=float(np.median(unit[before.size :])),
+            since_start=since_start,
+            readings=readings,
+            reference_rate=float(np.median(unit[is_first & ~averaged])),
             loading_time=_loading_time(experiment, curve, values),
             noise="strain_noise" if strain_is_read[flowing].mean() > 0.5 else "stress_noise",
-            **_flow_without_data(test, float(unit @ time_spent), readings),
+            **_flow_without_data(
+                test, float(unit @ time_spent), readings[is_first & ~averaged].sum()
+            ),
         )
 
 
@@ -179,20 +182,69 @@ def _along(test: AtMode[HistoryExperiment]) -> _Curve:
     )
 
 
-def _load_that_flows(
+@dataclass(frozen=True, eq=False)
+class _Places:
+    """Places of pins on a curve, under one load or wherever strain flows, (n,) each.
+
+    `averaged`: whether a pin stands for all since the start of the load. The others: see `Pins`.
+    """
+
+    at: IntArray
+    averaged: BoolArray
+    relative_noise: FloatArray
+    readings: FloatArray
+
+
+def _wherever_it_flows(
+    curve: _Curve,
+    inside: BoolArray,
+    values: Mapping[str, float],
+    strain_is_read: BoolArray,
+    number: int,
+) -> _Places:
+    """Place a number of pins at readings `inside`."""
+    at = np.flatnonzero(inside)[quantile_places(curve.path_strain[inside], number)]
+    slope_noise = SLOPE_NOISE * _strain_error(values) / np.ptp(curve.path_strain[inside])
+    noise = np.where(strain_is_read[at], slope_noise, values["stress_noise"] / curve.stress[at])
+    readings = _independent_readings(curve.time[inside], values)
+    return _Places(at, np.zeros(at.size, bool), noise, np.full(at.size, readings / at.size))
+
+
+def _under_load(
+    curve: _Curve, inside: BoolArray, values: Mapping[str, float], number: int
+) -> _Places:
+    """Place a number of pins at readings `inside` a load, and one that stands for its beginning."""
+    flow = _wherever_it_flows(curve, inside, values, np.ones(inside.size, bool), number)
+    start = int(np.searchsorted(curve.leg, curve.leg[flow.at[0]]))
+    end = _end_before(curve, start, flow.at)
+    gained = curve.dashpot_strain[end] - curve.dashpot_strain[start]
+    return _Places(
+        np.concatenate([end, flow.at]),
+        np.concatenate([np.ones(end.size, bool), flow.averaged]),
+        np.concatenate([_strain_error(values) / gained, flow.relative_noise]),
+        np.concatenate([np.full(end.size, flow.readings.sum()), flow.readings]),
+    )
+
+
+def _strain_error(values: Mapping[str, float]) -> float:
+    """Error of ln strength from one of the strain, times the strain of the flow."""
+    return values["strain_noise"] / values["stress_exponent"]
+
+
+def _loads_that_flow(
     experiment: HistoryExperiment, curve: _Curve, at_readings: BoolArray
-) -> int | None:
-    """Find the constant load with most flow, if all pins would lie under constant loads.
+) -> list[int]:
+    """Find constant loads that flow, that with most flow first, if all pins would lie under them.
 
     ln S_0 is then solved from times: the time of the whole strain of a load is what it fixes best.
     """
     loads, readings = np.unique(curve.leg[at_readings], return_counts=True)
     legs: tuple[Leg, ...] = experiment.legs
     if any(legs[k].driven == "strain" or legs[k].rate != 0 for k in loads):
-        return None
+        return []
     enough = loads[readings >= MIN_FLOWING_POINTS]
     flow = [np.ptp(curve.dashpot_strain[curve.leg == k]) for k in enough]
-    return int(enough[np.argmax(flow)]) if flow else None
+    return [int(enough[k]) for k in np.argsort(flow)[::-1]]
 
 
 def _end_before(curve: _Curve, start: int, places: IntArray) -> IntArray:
@@ -213,15 +265,14 @@ def _strain_at_rate(curve: _Curve, start: int, end: int, rate: float) -> float:
     return float(np.interp(rate, rising, curve.path_strain[start + 1 : end + 1]))
 
 
-def _time_spent(curve: _Curve, start: int, before: IntArray, places: IntArray) -> FloatArray:
+def _time_spent(curve: _Curve, at: IntArray, since_start: FloatArray) -> FloatArray:
     """Time (s) that the dashpot spends near each pin; zeros where none stands for the beginning."""
-    if not before.size:
-        return np.zeros(places.size)
-    flowed = curve.dashpot_strain[places]
-    middle = (flowed[1:] + flowed[:-1]) / 2
-    edges = np.concatenate([curve.dashpot_strain[before], middle, [2 * flowed[-1] - middle[-1]]])
-    until = curve.time[before] - curve.time[start]
-    return np.concatenate([until, np.diff(edges) / curve.dashpot_rate[places]])
+    if not since_start.any():
+        return np.zeros(at.size)
+    flowed, until = curve.dashpot_strain[at], since_start[0]
+    middle = (flowed[2:] + flowed[1:-1]) / 2
+    edges = np.concatenate([flowed[:1], middle, [2 * flowed[-1] - middle[-1]]])
+    return np.concatenate([[until], np.diff(edges) / curve.dashpot_rate[at[1:]]])
 
 
 def _flow_without_data(

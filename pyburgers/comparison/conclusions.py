@@ -254,7 +254,8 @@ def parameter_shifts(fits: Mapping[str, Fit]) -> pd.DataFrame:
     for name, other in others:
         mean = other.si_summary()["mean"].rename(f"{name} mean")
         apart = redefined(first.variant, other.variant) | _of_other_units(first, other)
-        table = table.join(mean.drop([*apart], errors="ignore"), how="inner")
+        is_apart = mean.index.str.partition("[").get_level_values(0).isin(apart)
+        table = table.join(mean[~is_apart], how="inner")
         table[f"{name}{MOVED}"] = (table[f"{name} mean"] - table["mean"]) / table["sd"]
     return table.rename_axis("parameter")
 

@@ -2,6 +2,8 @@
 
 from pyburgers.model.fitted_test import Test
 from pyburgers.model.laws import DASHPOT_LAWS, HARDENING_LAWS, KELVIN_LAWS
+from pyburgers.model.read_quantities import STRAIN, STRESS
+from pyburgers.model.residual_laws import DISCREPANCY
 from pyburgers.model.variants import ModelVariant
 
 MOST_OF_A_PART = 2
@@ -34,12 +36,15 @@ def neighbouring_laws(variant: ModelVariant, *tests: Test) -> tuple[str, ...]:
 
 def redefined(one: ModelVariant, other: ModelVariant) -> frozenset[str]:
     """Return the quantities that do not mean the same under the laws of two variants."""
+    has_discrepancy = {law.residuals == DISCREPANCY for law in (one, other)}
     parts = (
         (KELVIN_LAWS, one.kelvin, other.kelvin),
         (DASHPOT_LAWS, one.maxwell, other.maxwell),
         (HARDENING_LAWS, one.hardening, other.hardening),
     )
-    return frozenset(
+    # With a discrepancy of the law a noise is the reading error alone.
+    noises = (STRESS.noise, STRAIN.noise) if has_discrepancy == {True, False} else ()
+    return frozenset(noises) | frozenset(
         name
         for laws, *pair in parts
         if len({*pair}) > 1

@@ -72,6 +72,7 @@ def test_nothing_is_left_open_without_a_yes(
     ("laws", "expected"),
     [
         ({"residuals": "autocorrelated", "fabric": "constant"}, set()),
+        ({"residuals": "discrepancy"}, {"stress_noise", "strain_noise"}),
         ({"kelvin": "power_law"}, {"kelvin_viscosity"}),
         ({"kelvin": "andrade"}, {"kelvin_viscosity", "kelvin_modulus"}),
         ({"maxwell": "threshold_stress"}, FLOW_LAW),
@@ -96,6 +97,24 @@ def test_only_what_means_the_same_moves(tmp_path: Path) -> None:
     moved = parameter_shifts({"one": one, "other": other}).index
     assert not FLOW_LAW & {*moved}
     assert "maxwell_modulus" in moved
+
+
+def test_noises_beside_a_discrepancy_do_not_move(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A joint fit names the test of its noise."""
+    one, like = (make_fit(tmp_path / name, chains=2, draws=100) for name in ("one", "other"))
+    priors = with_variant(like.priors, like.experiment, {"residuals": "discrepancy"})
+    other = with_problem(like, like.experiment, priors)
+    assert "stress_noise" in parameter_shifts({"one": one, "like": like}).index
+    moved = parameter_shifts({"one": one, "other": other})
+    assert "maxwell_modulus" in moved.index
+    assert "stress_noise" not in moved.index
+    assert "stress residual" not in " ".join(shift_sentences({"one": one, "other": other}))
+    by_test = one.si_summary().rename({"stress_noise": "stress_noise[A]"})
+    monkeypatch.setattr(Fit, "si_summary", lambda _: by_test)
+    assert "stress_noise[A]" in parameter_shifts({"one": one, "like": like}).index
+    assert "stress_noise[A]" not in parameter_shifts({"one": one, "other": other}).index
 
 
 @pytest.mark.parametrize(

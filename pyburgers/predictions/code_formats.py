@@ -53,8 +53,10 @@ class CreepFormat:
             "A is 3^((n+1)/2)/2 F^-n times that of axial compression, with the fabric factor "
             f"F = {law.fabric_factor!r}.",
             "No water, melt or pressure term: those of the specimens.",
-            f"d = {law.grain_size!r} m, p = {law.grain_size_exponent!r}. A includes d^-p if no "
-            "line below has a grain size.",
+            "p = 0: the grain size has no effect."
+            if law.grain_size_exponent == 0
+            else f"d = {law.grain_size!r} m, p = {law.grain_size_exponent!r}. A includes d^-p if "
+            "no line below has a grain size.",
         ]
         if self.gas_constant != GAS_CONSTANT:
             lines.append(
@@ -141,7 +143,11 @@ def _geoparams(law: CreepLaw, name: str, factors: Factors) -> list[str]:
     }
     return [
         "using GeoParams",
-        f"grain_size = {law.grain_size!r}m  # for d = grain_size where a function takes it",
+        *(
+            [f"grain_size = {law.grain_size!r}m  # for d = grain_size where a function takes it"]
+            if has_grains
+            else []
+        ),
         f"creep_law = {'GrainBoundarySliding' if has_grains else 'DislocationCreep'}(;",
         *(f"    {key} = {value}," for key, value in fields.items()),
         ")",

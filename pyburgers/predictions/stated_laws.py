@@ -304,16 +304,20 @@ def creep_laws(fit: SampledFit, stated: Stated, code: str) -> CreepLaws:
                 f"{code}: found the microstructure 'steady_state', of which {fit.data.id} tells "
                 "nothing, expected 'initial' or none."
             )
-        if stated.grain_size is None:
+        has_grains = bool(draws["grain_size_exponent"].any())
+        if stated.grain_size is None and has_grains:
             raise InputError(
                 f"{code}: found no grain size of undeformed material, expected --grain-size-um "
                 "because the law of a table holds for that."
             )
         fabric = np.full_like(draws["beta"], stated.fabric_factor or 1.0)
-        grain_size = np.full_like(draws["beta"], stated.grain_size)
+        size = stated.grain_size or 1e-3  # without effect unless stated
+        grain_size = np.full_like(draws["beta"], size)
         least = " at their least rates" if fit.law.enhancements else ""
         whose = f"of the tests{least}" if fit.softening is None else "undeformed"
-        state = f"{whose}, grain size {number(stated.grain_size * LENGTH_FACTOR)} {LENGTH_UNIT}"
+        state = whose
+        if has_grains:
+            state += f", grain size {number(size * LENGTH_FACTOR)} {LENGTH_UNIT}"
     else:
         assert isinstance(fit, Fit)
         if fit.variant.hardening != "none":
@@ -339,7 +343,8 @@ def creep_laws(fit: SampledFit, stated: Stated, code: str) -> CreepLaws:
             )
         found = fit.posterior["posterior"].to_dataset()
         draws = {name: all_draws(found[name]) for name in FLOW_LAW}
-        material = stated_material(fit, stated, code)
+        has_grains = bool(draws["grain_size_exponent"].any())
+        material = stated_material(fit, stated, code, has_grains=has_grains)
         grain_size, fabric = material.grain_size.ravel(), material.fabric_factor.ravel()
         state = material.attributes["microstructure"]
     columns = {
@@ -354,10 +359,13 @@ def creep_laws(fit: SampledFit, stated: Stated, code: str) -> CreepLaws:
     return CreepLaws(columns, state)
 
 
-def stated_material(fit: Fit, stated: Stated, code: str) -> Material:
-    """Return the material in its state, which has to be stated if its microstructure evolves."""
+def stated_material(fit: Fit, stated: Stated, code: str, *, has_grains: bool = True) -> Material:
+    """Return the material in its state, which has to be stated if its microstructure evolves.
+
+    `has_grains`: whether the grain size matters.
+    """
     variant, chosen = (fit.whole or fit).variant, stated.microstructure
-    open_grains = variant.grain_size != "constant" and stated.grain_size is None
+    open_grains = has_grains and variant.grain_size != "constant" and stated.grain_size is None
     open_fabric = variant.fabric != "constant" and stated.fabric_factor is None
     if chosen is None and (open_grains or open_fabric):
         evolving = " and ".join(["grain size"] * open_grains + ["fabric"] * open_fabric)

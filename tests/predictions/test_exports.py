@@ -33,6 +33,7 @@ from pyburgers.model.laws import DASHPOT_LAWS, KELVIN_LAWS, MECHANISMS
 from pyburgers.model.parameters import PARAMETER_BY_NAME, Parameter
 from pyburgers.model.variants import with_variant
 from pyburgers.page.rate_section import rate_section
+from pyburgers.posterior.labelled_draws import own_name
 from pyburgers.predictions.exports import FORMATS, export
 from pyburgers.predictions.stress_cycles import Regime
 from pyburgers.sampling.options import SamplerOptions
@@ -139,6 +140,28 @@ def test_each_code_gives_the_rate_of_the_program(law: str, state: str, made: Fit
             np.testing.assert_allclose(found, kept, rtol=1e-10, err_msg=code)
             typical = float(np.exp(np.log(of_all).mean()))
             assert mean(STRESS, typical, temperature) == pytest.approx(typical, rel=1e-10)
+
+
+def test_without_effect_of_grains_no_code_asks_for_their_size(made: Fit, creep: RateFit) -> None:
+    fit = fit_of(made, {"grain_size_exponent": 0.0}, fabric="constant")
+    draws = creep.posterior["posterior"].to_dataset()
+    name = own_name("grain_size_exponent", creep.law.power_law.name)
+    groups = creep.posterior.to_dict()
+    groups["/posterior"] = draws.assign({name: xr.zeros_like(draws[name])})
+    table = replace(creep, posterior=xr.DataTree.from_dict(groups))
+    for code in READERS:
+        at: dict[str, Any] = {"temperatures": [255.0]} if code == "icepack" else {}
+        for one in (fit, table):
+            (text,) = export(one, code, **at)
+            assert "p = 0: the grain size has no effect." in text
+            assert "d = " not in text
+            assert "State of the material: initial microstructure, grain" not in text
+            known = columns(fit) if one is fit else table.power_law()
+            every = pyburgers.flow_rate(
+                known, np.sqrt(3) * STRESS, temperature=255.0, grain_size=1e-3
+            )
+            typical = float(np.exp(np.log(every).mean()) * np.sqrt(3) / 2)
+            assert READERS[code](text)(STRESS, typical, 255.0) == pytest.approx(typical, rel=1e-10)
 
 
 def test_invariants_are_those_of_tensors() -> None:

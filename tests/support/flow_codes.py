@@ -87,11 +87,11 @@ def geoparams(text: str) -> Rate:
     lines = [line for line in text.splitlines() if not line.startswith("#")]
     assert lines[0] == "using GeoParams"
     grain_size = re.fullmatch(r"grain_size = (\S+)m  # .*", lines[1])
-    record = re.fullmatch(r"creep_law = (\w+)\(;", lines[2])
-    assert grain_size is not None
+    first = 1 if grain_size is None else 2
+    record = re.fullmatch(r"creep_law = (\w+)\(;", lines[first])
     assert record is not None
     assert lines[-1] == ")"
-    fields = dict(line.strip().removesuffix(",").split(" = ", 1) for line in lines[3:-1])
+    fields = dict(line.strip().removesuffix(",").split(" = ", 1) for line in lines[first + 1 : -1])
     assert fields.pop("Apparatus") == "Invariant"
     json.loads(fields.pop("Name"))
     number = r"(-?[\d.]+(?:e[-+]?\d+)?)"
@@ -108,7 +108,8 @@ def geoparams(text: str) -> Rate:
             if values.get("p", 0.0):
                 assert np.isclose(int(grains[0]) / int(grains[1]), -values["p"], atol=1e-9)
     assert record[1] == ("GrainBoundarySliding" if "p" in values else "DislocationCreep")
-    size = float(grain_size[1]) ** values.get("p", 0.0)
+    assert ("p" in values) is (grain_size is not None)
+    size = 1.0 if grain_size is None else float(grain_size[1]) ** values["p"]
     return lambda stress, _, t: (
         values["A"] * stress ** values["n"] * size * np.exp(-values["E"] / (values["R"] * t))
     )

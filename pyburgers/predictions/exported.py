@@ -304,13 +304,25 @@ def as_latex(one: Exported) -> str:
     correlation = one.covariance[np.ix_(free, free)] / np.outer(scale, scale)
     for k, name in enumerate(one.names):
         factor, unit = _display(name)
-        mean, sd = one.mean[k] * factor, one.sd[k] * factor
-        spread = rf"${rounded(mean, sd)} \pm {rounded(sd, sd)}$" if sd else f"${mean:.4g}$ (fixed)"
+        spread = _in_latex(one.mean[k] * factor, one.sd[k] * factor)
         row = correlation[free.index(k)] if k in free else np.full(len(free), np.nan)
         cells = ["" if np.isnan(value) else f"${value:z.2f}$" for value in row]
         decided = decision_text(name, one.decided_by[k], one.by_prior_of[k], _symbol_in_text)
         lines.append(" & ".join([f"${_symbol(name)}$", unit, spread, decided, *cells]) + r" \\")
     return "\n".join([*lines, r"\bottomrule", r"\end{tabular}"]) + "\n"
+
+
+def _in_latex(mean: float, sd: float) -> str:
+    """Return mean and sd with a common power of ten where plain digits are hard to read."""
+    exponent = int(f"{max(abs(mean), sd):.3e}".partition("e")[2])
+    if -4 <= exponent < 4:
+        exponent = 0
+    power = rf" \times 10^{{{exponent}}}" if exponent else ""
+    mean, sd = mean / 10.0**exponent, sd / 10.0**exponent
+    if not sd:
+        return f"${mean:.4g}{power}$ (fixed)"
+    spread = rf"{rounded(mean, sd)} \pm {rounded(sd, sd)}"
+    return f"$({spread}){power}$" if power else f"${spread}$"
 
 
 def _law_lines(laws: Mapping[str, object], under: str = "") -> list[str]:
@@ -326,8 +338,15 @@ def _law_lines(laws: Mapping[str, object], under: str = "") -> list[str]:
 def _symbol(name: str) -> str:
     if is_logarithm(name):
         of = name.removeprefix(LOGARITHM)
-        return r"\ln A" if name == LOG_FACTOR else rf"\ln {shown_quantity(of).symbol}"
-    return shown_quantity(name).symbol
+        return r"\ln A" if name == LOG_FACTOR else rf"\ln {_symbol_of_owner(of)}"
+    return _symbol_of_owner(name)
+
+
+def _symbol_of_owner(name: str) -> str:
+    """Return the symbol of a quantity, what it belongs to upright."""
+    base, _, owner = name.removesuffix("]").partition("[")
+    upright = owner.replace("_", r"\_")
+    return shown_quantity(base).symbol + (rf"[\mathrm{{{upright}}}]" if owner else "")
 
 
 def _symbol_in_text(name: str) -> str:
@@ -335,19 +354,19 @@ def _symbol_in_text(name: str) -> str:
 
 
 def _display(name: str) -> tuple[float, str]:
-    """Return the factor to the display unit, and that unit."""
+    """Return the factor to the unit of a table, and that unit: of rates SI, else for display."""
     if is_logarithm(name):
-        return 1.0, "--"
+        return 1.0, "ln of SI"
     quantity = shown_quantity(name)
+    if quantity.display_unit.startswith("1e"):
+        return 1.0, quantity.si_unit
     return quantity.display_factor, unit_text(quantity).translate(LATEX_SIGNS)
 
 
 ASCII_SIGNS = str.maketrans({"µ": "u", "±": "+-"})
 """Signs in comments of files that other programs read."""
 
-LATEX_SIGNS = str.maketrans(
-    {"%": r"\%", "µ": r"$\mu$", "–": "--", "⁻": "$^{-}$", "⁶": "$^{6}$", "³": "$^{3}$"}
-)
+LATEX_SIGNS = str.maketrans({"%": r"\%", "µ": r"$\mu$", "–": "--", "³": "$^{3}$"})
 """Signs of units as LaTeX has them."""
 
 _BEGINNING = re.compile(

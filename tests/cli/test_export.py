@@ -99,6 +99,36 @@ def test_latex_is_a_table_with_a_row_for_each(
     assert out.read_text(encoding="utf-8") == text
 
 
+@pytest.mark.parametrize(
+    ("name", "mean", "sd", "cells"),
+    [
+        ("second_rate", 1.234e-6, 2.1e-8, r"$r_2$ & 1/s & $(1.234 \pm 0.021) \times 10^{-6}$"),
+        ("recovery_rate", 2e-7, 0.0, r"$r$ & 1/s & $2 \times 10^{-7}$ (fixed)"),
+        (
+            "modulus_temperature_coefficient",
+            -3e-4,
+            0.0,
+            r"$a_E$ & 1/K & $-0.0003$ (fixed)",
+        ),
+        ("kelvin_viscosity", 2.5e16, 1e15, r"$(2.50 \pm 0.10) \times 10^{7}$"),
+        ("kelvin_modulus", 1e9, 2e7, r"$E_K$ & GPa & $1.000 \pm 0.020$"),
+        ("ln_mechanism_rate[basal_slip]", -18.75, 0.51, r"[\mathrm{basal\_slip}]$ & ln of SI &"),
+    ],
+)
+def test_latex_has_rates_in_si_and_powers_of_ten(
+    name: str, mean: float, sd: float, cells: str, small_fit: Fit
+) -> None:
+    one = replace(
+        exported(small_fit),
+        names=(name,),
+        mean=np.array([mean]),
+        covariance=np.array([[sd**2]]),
+        decided_by=("data",),
+        by_prior_of=("",),
+    )
+    assert cells in as_latex(one)
+
+
 def test_exports_say_which_quantities_mean_and_covariance_do_not_describe(small_fit: Fit) -> None:
     viscosity = small_fit.posterior["posterior"]["kelvin_viscosity"].to_numpy()
     spread = np.exp(np.random.default_rng(1).normal(size=viscosity.shape))

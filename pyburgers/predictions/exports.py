@@ -143,10 +143,11 @@ def _caution_lines(one: Exported, names: Sequence[str], fit: AnyFit, asked: Rang
     decided, ranges = [], fitted_ranges(fit)
     for name in names:
         k = one.names.index(name)
-        unit = "" if is_logarithm(name) else shown_quantity(name).si_unit
+        unit = "1" if is_logarithm(name) else shown_quantity(name).si_unit
+        beside = "" if unit in {"1", "fraction"} else f" {unit}"
         value = value_text(one.draws[k]) if one.sd[k] else rounded(one.mean[k], 0.0)
         by = f"{one.decided_by[k]} {one.by_prior_of[k]}".strip() or "unknown"
-        decided.append(f"{name} {value.translate(ASCII_SIGNS)} {unit} ({by})")
+        decided.append(f"{name} {value.translate(ASCII_SIGNS)}{beside} ({by})")
     tested = f"Conditions of the fitted tests: {one.conditions}. The law extrapolates elsewhere."
     if one.draws_of == PRIOR_ALONE:
         tested = f"Conditions of the test, which was not fitted: {one.conditions}."

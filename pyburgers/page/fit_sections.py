@@ -1,5 +1,6 @@
 """What a page says about a fit, and about fits of the same data, which share a section."""
 
+import itertools
 from collections.abc import Hashable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,6 +19,8 @@ from pyburgers.drawing.view import view_of
 from pyburgers.fitting.fit import Fit
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.program_data import fixed_in_effect
+from pyburgers.model.display import shown_quantity
+from pyburgers.model.neighbouring_laws import redefined
 from pyburgers.model.parameters import PARAMETER_BY_NAME
 from pyburgers.page import tables
 from pyburgers.page.illustrations import Illustration, illustrate
@@ -28,6 +31,9 @@ from pyburgers.page.posterior_figures import figures_for
 
 NAMED = ["symbol", "quantity", "unit"]
 """Columns of a table of parameters that say what a row is about."""
+
+NOT_THE_SAME = " (not the same in all fits)"
+"""Behind a quantity that means something else under the law of another fit."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -220,6 +226,12 @@ class SameData:
                 zip(section.parameters["symbol"], _in_one_cell(section.parameters), strict=True)
             )
             rows[section.name] = [told.get(symbol, "") for symbol in rows["symbol"]]
+        differ = {
+            shown_quantity(name).label
+            for one, other in itertools.combinations(self.sections, 2)
+            for name in redefined(one.fit.variant, other.fit.variant)
+        }
+        rows["quantity"] += [NOT_THE_SAME * (label in differ) for label in rows["quantity"]]
         return self._rows(rows, left_to_prior=False)
 
     @property

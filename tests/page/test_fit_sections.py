@@ -13,6 +13,7 @@ from synthetic_fit import make_fit, with_problem
 
 from pyburgers.checks.fit_checks import CheckKind, Outcome
 from pyburgers.fitting.fit import Fit
+from pyburgers.model.variants import with_variant
 from pyburgers.page.fit_sections import SameData, Section, by_data, write_section
 from pyburgers.page.joint_section import strayed
 from pyburgers.page.tables import DECISION
@@ -63,6 +64,20 @@ def decided(section: Section, by: Mapping[str, str]) -> Section:
         **{DECISION: [by.get(symbol, "data") for symbol in section.parameters["symbol"]]}
     )
     return replace(section, parameters=parameters)
+
+
+def test_the_table_says_which_quantity_is_another_one_in_another_fit(
+    sections: list[Section],
+) -> None:
+    one = sections[0]
+    priors = with_variant(one.fit.priors, one.fit.experiment, {"residuals": "discrepancy"})
+    other = replace(one, name="smooth", fit=with_problem(one.fit, one.fit.experiment, priors))
+    rows = SameData((one, other)).values["quantity"].tolist()
+    assert "stress residual (not the same in all fits)" in rows
+    assert "Maxwell modulus" in rows
+    assert (
+        "stress residual" in SameData((one, replace(one, name="again"))).values["quantity"].tolist()
+    )
 
 
 def test_fits_of_the_same_data_are_put_together(fits: Mapping[str, Fit], tmp_path: Path) -> None:

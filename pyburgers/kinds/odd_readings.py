@@ -3,6 +3,7 @@
 import numpy as np
 
 from pyburgers.common.array_types import FloatArray
+from pyburgers.common.units import count_points
 
 MIN_FAR_RATIO, MIN_FAR_READINGS = 10.0, 5
 """How many times larger than all others readings are that may be none; of so many at least."""
@@ -71,6 +72,19 @@ def opposed_stresses(stress: FloatArray, *, compressed: bool) -> list[str]:
     if not compressed:
         here, own, read = ("extension", read, own)
     return [f"Most stresses are {read}, but {here} is {own} in this model: check the sign."]
+
+
+def repeated(at: FloatArray, values: FloatArray, axis: str, of: str = "") -> list[str]:
+    """Say where rows stand twice, or readings (n,) at one place `at` of an axis; `of`: of what."""
+    n_same = np.count_nonzero(np.diff(at) == 0)
+    if all(np.array_equal(one[::2], one[1::2]) for one in (at, values)):
+        return [f"Every row{of} stands twice: remove one of each, as each counts as a reading."]
+    if n_same == 0:
+        return []
+    return [
+        f"{count_points(n_same)}{of} at the same {axis} as the point before: each counts as a "
+        "reading."
+    ]
 
 
 def order_text(clock: FloatArray) -> str:

@@ -66,4 +66,6 @@ def test_rows_that_stand_twice_are_told() -> None:
     twice = np.repeat(STRAIN, 2), np.repeat(CURVE, 2)
     assert remarks_on(*twice)[0].startswith("Every row stands twice: remove one of each")
     jitter = np.repeat(STRAIN, 2), np.repeat(CURVE, 2) + 0.1 * np.arange(160)
-    assert remarks_on(*jitter)[0] == "80 points at the same strain as the point before."
+    assert remarks_on(*jitter)[0] == (
+        "80 points at the same strain as the point before: each counts as a reading."
+    )

@@ -208,6 +208,44 @@ class TestClocks:
             prepare(wild, settings, "test").stress, prepare(record, settings, "test").stress
         )
 
+    @pytest.mark.parametrize("step", [1.0, 10.0])
+    def test_readings_of_a_coarse_clock_are_all_kept(self, step: float) -> None:
+        """Both clocks are late alike: the lag, and the ratio of the amplitudes, stay."""
+        time = np.arange(0.0, 2400.0, step / 4)
+        true = OscillationRecord(
+            strain_time=time,
+            strain=strain_at(time),
+            strain_uncertainty=np.full_like(time, 2e-5),
+            stress_time=time,
+            stress=150e6 + oscillating_stress_at(time),
+            stress_uncertainty=np.full_like(time, 4e6),
+        )
+        clock = step * np.floor(time / step)
+        coarse = replace(true, strain_time=clock, stress_time=clock)
+        settings = OscillationSettings(max_readings=time.size)
+        expected, found = (prepare(record, settings, "test") for record in (true, coarse))
+        assert expected.notices == ()
+        shared = "the same time as the point before: each counts as a reading."
+        steps = f"The clock steps by {step:g} s, {1.2 * step:g} degrees of a cycle."
+        assert found.notices == tuple(
+            f"{3 * time.size // 4} points of the {name} at {shared} {steps}"
+            for name in ("strain", "stress")
+        )
+        np.testing.assert_array_equal(found.time, clock)
+        assert found.period == pytest.approx(PERIOD, rel=1e-3)
+        lags = [one.stress_fit.phase()[0] - one.strain_fit.phase()[0] for one in (expected, found)]
+        assert lags[1] == pytest.approx(lags[0], abs=1e-3)
+        stiffness = [
+            one.stress_fit.amplitude()[0] / one.strain_fit.amplitude()[0]
+            for one in (expected, found)
+        ]
+        assert stiffness[1] == pytest.approx(stiffness[0], rel=1e-3)
+
+    def test_readings_of_one_time_are_no_record(self) -> None:
+        record = make_record()
+        still = replace(record, stress_time=np.full_like(record.stress_time, 600.0))
+        assert "the stress has readings at 1 time, expected at least two cycles" in refusal(still)
+
 
 def refusal(record: OscillationRecord, settings: OscillationSettings = AUTOMATIC) -> str:
     """Message of the InputError that preparing raises: one sentence."""

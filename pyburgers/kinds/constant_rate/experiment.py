@@ -11,7 +11,7 @@ from pyburgers.common.units import count_points, rounded_to
 from pyburgers.kinds.experiment import Experiment
 from pyburgers.kinds.limits import unlikely_strain_rate
 from pyburgers.kinds.loading_history.driver import MAX_READINGS
-from pyburgers.kinds.odd_readings import odd_readings, opposed_stresses
+from pyburgers.kinds.odd_readings import odd_readings, opposed_stresses, repeated
 from pyburgers.model.parameters import PARAMETERS
 from pyburgers.model.peak_test import PeakTest
 from pyburgers.model.read_quantities import STRESS
@@ -239,13 +239,7 @@ def remarks_on(strain: FloatArray, stress: FloatArray) -> list[str]:
     """Say what a reader should know about a curve, each (n_points,); no sentence names a file."""
     if strain.size == 0:
         return []
-    remarks = []
-    repeated = np.count_nonzero(np.diff(strain) == 0)
-    pairs = [np.array_equal(one[::2], one[1::2]) for one in (strain, stress)]
-    if all(pairs):
-        remarks.append("Every row stands twice: remove one of each, as each counts as a reading.")
-    elif repeated > 0:
-        remarks.append(f"{count_points(repeated)} at the same strain as the point before.")
+    remarks = repeated(strain, stress, "strain")
     if strain.size < len(PARAMETERS):
         remarks.append(
             f"{count_points(strain.size)} for the {len(PARAMETERS)} parameters of the model: what "

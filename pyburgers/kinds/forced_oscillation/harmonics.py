@@ -272,7 +272,7 @@ def estimate_period(time: FloatArray, value: FloatArray, *, uncertainty: FloatAr
             "period from."
         )
     cubic = legendre.Legendre.fit(time, value, CUBIC)
-    highest = 0.5 / float(np.median(np.diff(time)))
+    highest = 0.5 / float(np.median(np.diff(np.unique(time))))
     frequency, _ = strongest_frequency(time, value - cubic(time), 1.0 / length, highest)
     degree = CUBIC
     # The degree can only be judged well near the right period, hence the second round.

@@ -15,7 +15,7 @@ from numpy.polynomial import legendre, polynomial
 
 from pyburgers.common.array_types import FloatArray, IntArray
 from pyburgers.common.errors import InputError
-from pyburgers.common.units import count_points
+from pyburgers.common.units import count_points, counted
 from pyburgers.kinds.forced_oscillation.harmonics import (
     HarmonicFit,
     choose_degree,
@@ -24,6 +24,7 @@ from pyburgers.kinds.forced_oscillation.harmonics import (
     strongest_frequency,
 )
 from pyburgers.kinds.loading_history.driver import ARE_USED, MAX_READINGS
+from pyburgers.kinds.odd_readings import order_text, repeated
 
 Background = Literal["removed", "kept"]
 
@@ -58,7 +59,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, eq=False)
 class OscillationRecord:
-    """Readings of a forced oscillation; both clocks have one origin and increase strictly.
+    """Readings of a forced oscillation; both clocks have one origin and do not go back.
 
     `strain_time`, `strain`, `strain_uncertainty` (n_strain,): s, fraction, standard deviation.
     `stress_time`, `stress`, `stress_uncertainty` (n_stress,): s, Pa, standard deviation.
@@ -167,8 +168,8 @@ class _Series:
 
     @property
     def spacing(self) -> float:
-        """Median time between readings (s)."""
-        return float(np.median(np.diff(self.time)))
+        """Median time (s) between readings, of those at one time to the next ones."""
+        return float(np.median(np.diff(np.unique(self.time))))
 
     @property
     def length(self) -> float:
@@ -242,6 +243,8 @@ def prepare(
         notices=(
             *_thinning_told(chosen.size, used.time.size),
             *_left_out(stress.time.size - used.time.size, settings.background),
+            *_coarse_clock(strain, period),
+            *_coarse_clock(used, period),
             *_doubts(strain, strain_fit, stress_fit),
         ),
     )
@@ -256,16 +259,18 @@ def _checked(
             f"{where}: the {name} has {time.size} times, {value.size} readings and "
             f"{uncertainty.size} uncertainties, expected as many of each."
         )
-    if time.size < 2:
+    n_times = np.unique(time).size
+    if n_times < 2:
         raise InputError(
-            f"{where}: the {name} has {time.size} readings, expected at least two cycles of them."
+            f"{where}: the {name} has readings at {counted(n_times, 'time')}, expected at least "
+            "two cycles of them."
         )
-    backwards = np.flatnonzero(np.diff(time) <= 0)
+    backwards = np.flatnonzero(np.diff(time) < 0)
     if backwards.size > 0:
         first = backwards[0] + 1
         raise InputError(
             f"{where}: the {name}'s clock, reading {first + 1}: found {time[first]:g} s after "
-            f"{time[first - 1]:g} s, expected times that increase."
+            f"{time[first - 1]:g} s, expected times that do not go back.{order_text(time)}"
         )
     wrong = np.flatnonzero(~(uncertainty > 0))
     if wrong.size > 0:
@@ -281,7 +286,7 @@ def _check_period(where: str, series: _Series, period: float) -> None:
     if period < 2.0 * series.spacing:
         raise InputError(
             f"{where}: the period of {period:g} s is too short for the {series.name}, expected at "
-            f"least {2.0 * series.spacing:g} s, two readings."
+            f"least {2.0 * series.spacing:g} s, two steps of its clock."
         )
     if period > series.length:
         raise InputError(
@@ -395,6 +400,14 @@ def _left_out(n_stresses: int, background: Background) -> Iterator[str]:
         yield f"{count_points(n_stresses)} of the stress outside the strain record left out."
     if background == "removed":
         yield REMOVED_NOTICE
+
+
+def _coarse_clock(series: _Series, period: float) -> Iterator[str]:
+    """Say where readings share times, and how far the clock steps then."""
+    step = f" The clock steps by {series.spacing:.3g} s, "
+    step += f"{360 * series.spacing / period:.2g} degrees of a cycle."
+    for said in repeated(series.time, series.value, "time", f" of the {series.name}"):
+        yield said + step
 
 
 def _doubts(strain: _Series, strain_fit: HarmonicFit, stress_fit: HarmonicFit) -> Iterator[str]:

@@ -186,13 +186,19 @@ def layout_of(
 ) -> Layout:
     """Find names, units and the rows of numbers among all rows."""
     _, width, numeric = best_run(cells for _, cells in _sample(rows))
-    if header is False or not rows:
+    if not rows or (header is False and not width):
         return Layout(width, None, tuple(rows))
     if not width:
         first = _names(rows[0][1], separator, len(rows[-1][1])) or rows[0][1]
         return Layout(len(first), first, tuple(rows[1:]))
     blocks = _blocks(rows, numeric)
     start, end = max(blocks, key=lambda block: block[1] - block[0])
+    problems = _other_tables(path, rows, blocks, (start, end))
+    if header is False:  # rows as wide as the others are no titles
+        titles = [row for row in rows[:start] if len(row[1]) != width]
+        own = [*(row for row in rows[:start] if len(row[1]) == width), *rows[start:end]]
+        told = tuple(_layout_notes(rows, titles, (start, end), 0))
+        return Layout(width, None, tuple(own), None, None, told, problems, own[0][0])
     before = next((last for first, last in reversed(blocks) if first < start), 0)
     above = list(rows[before:start])
     bad: list[Row] = []
@@ -224,7 +230,6 @@ def layout_of(
         earlier = [line for number, line in comments if number < own[0][0]]
         found = _names(cells_of(earlier[-1], separator), separator, width) if earlier else None
         hidden = found if found is not None and len(found) == len(own[0][1]) else None
-    problems = _other_tables(path, rows, blocks, (start, end))
     top, _ = own[0] if names is None else above[len(above) - used]
     return Layout(width, names, tuple(own), hidden, units, tuple(notes), problems, top)
 

@@ -125,6 +125,22 @@ def test_what_was_done_is_told(tmp_path: Path) -> None:
     )
 
 
+@pytest.mark.parametrize("separator", [",", ";", "\t", "  "])
+def test_words_about_a_table_without_names_are_passed_over(separator: str, tmp_path: Path) -> None:
+    """As without the key ``header``, so that a file with it is read as it was looked at."""
+    table = looked_at(tmp_path, f"Creep of ice 12\n{rows(separator)}End of test\n")
+    stated = look_at(table.path, table.separator, header=False)
+    assert (stated.names, stated.rows, stated.problems) == (None, table.rows, ())
+    assert stated.notes == table.notes
+    assert len(stated.notes) == 2
+
+
+def test_names_and_bad_cells_are_rows_where_there_is_said_to_be_no_header(tmp_path: Path) -> None:
+    for first in ("t,e,s\n", "0,?,1\n"):
+        path = looked_at(tmp_path, first + rows(",")).path
+        assert len(look_at(path, header=False).rows) == 1 + len(ROWS)
+
+
 STAMPS = {
     "clock": ("9:00:00\n9:00:30\n10:00:00", [0, 30, 3600]),
     "fractions of seconds": ("09:00:00.25\n09:00:01.5\n09:00:02", [0, 1.25, 1.75]),

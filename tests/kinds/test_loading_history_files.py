@@ -134,6 +134,31 @@ def test_several_readings_of_a_moment_are_kept_under_a_constant_stress(
     assert 350 < test.n_points <= 402
     assert (np.diff(test.time) == 0).any()
     assert np.isfinite(test.reading).all()
+    same = "600 points of stage 1 at the same time as the point before: each counts as a reading."
+    assert same in test.notices
+
+
+@pytest.mark.parametrize(
+    ("times", "told"),
+    [
+        ([1, 2, 3, 4, 4, 5, 6], []),
+        (
+            [1, 2, 3, 4, 4, 5, 5, 6, 6],
+            ["2 points of stage 2 at the same time as the point before: each counts as a reading."],
+        ),
+        (
+            [1, 2, 3, 4, 4, 4, 5, 5, 6, 6],
+            ["Every row of stage 2 stands twice: remove one of each, as each counts as a reading."],
+        ),
+    ],
+)
+def test_readings_that_share_a_time_are_told_by_stage(times: list[float], told: list[str]) -> None:
+    """One of each stage at the time between both is none of them."""
+    time = np.array(times, dtype=np.float64)
+    columns = {"time": time, "strain": 0.1 * time, "stage": 1 + (np.arange(time.size) > 3)}
+    first, second = stage(4.0, "stress", stress=1e6), stage(6.0, "stress", stress=2e6)
+    test = history([first, {**second, "start_time": 4.0}], columns, PERCENT)
+    assert [one for one in test.notices if "counts as a reading" in one] == told
 
 
 def test_long_records_are_thinned() -> None:

@@ -1,7 +1,7 @@
 """Files of loading histories: what a file says, read and written (docs/loading_history.md)."""
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -59,7 +59,7 @@ from pyburgers.kinds.loading_history.true_readings import (
     without_start,
     without_states_before,
 )
-from pyburgers.kinds.odd_readings import opposed_stresses
+from pyburgers.kinds.odd_readings import opposed_stresses, repeated
 
 END: Literal["end"] = "end"
 """Of the test, in the place of a time: the sample was sectioned after it."""
@@ -283,7 +283,7 @@ def _used(
         is_said = data.stage_column is not None
         rest, stated = test.first_strain, test.strain_error
         used, more = without_states_before(used, stages, rest, stated, side_is_said=is_said)
-        notices += more
+        notices += [*more, *_repeated(used)]
     time, stage, value = used
     if time.size == 0:
         raise InputError(
@@ -297,6 +297,14 @@ def _used(
 
     chosen = thinned(time, stage, value, changes, data.max_readings)
     return (time[chosen], stage[chosen], value[chosen]), [*notices, *thinning_told(chosen)]
+
+
+def _repeated(used: Response) -> Iterator[str]:
+    """Say where readings of one stage share times."""
+    time, stage, value = used
+    for number in np.unique(stage):
+        own = stage == number
+        yield from repeated(time[own], value[own], "time", f" of stage {number + 1}")
 
 
 def _of_other_sign(used: Response, legs: Sequence[Leg]) -> list[str]:

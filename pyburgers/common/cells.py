@@ -145,8 +145,11 @@ def names_between_blanks(line: str, n_columns: int) -> list[str]:
 
 
 _CLOCK = (
-    r"(?P<first>\d{1,5}):(?P<second>\d\d?)(?::(?P<third>\d\d?(?:[.,]\d+)?))?(?: ?(?P<half>[AP])M)?"
+    r"(?P<first>\d{1,5}):(?P<second>\d\d?)"
+    r"(?:(?P<fraction>[.,]\d+)|(?::(?P<third>\d\d?(?:[.,]\d+)?))?(?: ?(?P<half>[AP])M)?)"
 )
+"""Hours and minutes, with seconds or without; minutes and seconds where these have a fraction."""
+
 _DATE = (
     r"(?P<year>\d{4})[-/.](?P<month>\d\d?)[-/.](?P<day>\d\d?)"
     r"|(?P<a>\d\d?)(?P<mark>[-/.])(?P<b>\d\d?)[-/.](?P<late_year>\d{4}|\d\d)"
@@ -182,7 +185,10 @@ def seconds_of(cells: Sequence[str]) -> tuple[list[float], bool] | None:
     clocks = [stamp for stamp in stamps if stamp["clock"] is not None]
     if dated and any(stamp["date"] is None for stamp in stamps):
         return None
-    if not dated and not any(stamp["third"] or stamp["half"] for stamp in clocks):
+    if any(stamp["fraction"] for stamp in clocks):
+        if dated or not all(stamp["fraction"] or stamp["third"] for stamp in clocks):
+            return None
+    elif not dated and not any(stamp["third"] or stamp["half"] for stamp in clocks):
         return None
     usual = _readings(found, dated=dated, noon=0)
     growing = [times for times in usual if _grow(times)]
@@ -226,7 +232,10 @@ def _seconds(stamp: re.Match[str] | None, *, day_first: bool, noon: int) -> floa
     seconds = 0.0
     if stamp["date"] is not None:
         seconds += DAY * _day(stamp, day_first=day_first)
-    if stamp["clock"] is not None:
+    if stamp["fraction"] is not None:
+        second = f"{stamp['second']}{stamp['fraction']}".replace(",", ".")
+        seconds += 60.0 * int(stamp["first"]) + float(second)
+    elif stamp["clock"] is not None:
         hours = int(stamp["first"])
         if stamp["half"] is not None:
             is_afternoon = stamp["half"].upper() == "P"

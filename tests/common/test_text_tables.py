@@ -144,6 +144,7 @@ def test_names_and_bad_cells_are_rows_where_there_is_said_to_be_no_header(tmp_pa
 STAMPS = {
     "clock": ("9:00:00\n9:00:30\n10:00:00", [0, 30, 3600]),
     "fractions of seconds": ("09:00:00.25\n09:00:01.5\n09:00:02", [0, 1.25, 1.75]),
+    "minutes and seconds": ("00:00.5\n00:37.5\n59:59.75\n1:00:10.0", [0, 37, 3599.25, 3609.5]),
     "midnight": ("23:00:00\n23:30:00\n00:30:00", [0, 1800, 5400]),
     "morning and afternoon": ("11:59:30 AM\n12:00:00 PM\n1:00:00 pm", [0, 30, 3630]),
     "ISO": ("2024-02-28T23:00:00\n2024-02-29T00:00:00Z", [0, 3600]),
@@ -197,7 +198,15 @@ def test_noon_that_is_written_as_12_am(date: str, tmp_path: Path) -> None:
     assert "12 AM was read as noon" in table.notes[1]
 
 
-@pytest.mark.parametrize("cells", ["01:30\n01:45", "03/04/2024\n03/05/2024"])
+@pytest.mark.parametrize(
+    "cells",
+    [
+        "01:30\n01:45",
+        "01:30\n01:45.5",
+        "2024-03-01 01:30.5\n2024-03-01 01:45.5",
+        "03/04/2024\n03/05/2024",
+    ],
+)
 def test_a_time_stamp_with_two_meanings_is_no_time_and_is_told(cells: str, tmp_path: Path) -> None:
     lines = [f"{cell},{k}" for k, cell in enumerate(cells.splitlines())]
     table = looked_at(tmp_path, "\n".join(["When,strain", *lines]))

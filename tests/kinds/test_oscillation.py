@@ -227,10 +227,12 @@ class TestClocks:
         assert expected.notices == ()
         shared = "the same time as the point before: each counts as a reading."
         steps = f"The clock steps by {step:g} s, {1.2 * step:g} degrees of a cycle."
-        assert found.notices == tuple(
+        assert found.notices[:2] == tuple(
             f"{3 * time.size // 4} points of the {name} at {shared} {steps}"
             for name in ("strain", "stress")
         )
+        # 10 s round the strain by more than its stated error.
+        assert ["scatters" in one for one in found.notices[2:]] == [True] * (step > 1)
         np.testing.assert_array_equal(found.time, clock)
         assert found.period == pytest.approx(PERIOD, rel=1e-3)
         lags = [one.stress_fit.phase()[0] - one.strain_fit.phase()[0] for one in (expected, found)]
@@ -324,3 +326,19 @@ def test_another_period_and_an_opposite_sign_are_told(
     notices = prepare(turned, OscillationSettings(period=period), "test").notices
     assert len(notices) == len(words)
     assert all(told in notice for told, notice in zip(words, notices, strict=True))
+
+
+@pytest.mark.parametrize(("stated", "times"), [(1.0, None), (0.5, None), (0.01, "91")])
+def test_an_error_of_the_strain_that_is_too_small_is_told(stated: float, times: str | None) -> None:
+    record = make_record()
+    noise = np.random.default_rng(1).standard_normal(record.strain.size)
+    scattered = record.strain + record.strain_uncertainty * noise
+    small = replace(record, strain=scattered, strain_uncertainty=stated * record.strain_uncertainty)
+    found = [one for one in prepare(small, AUTOMATIC, "test").notices if "scatters" in one]
+    if times is None:
+        assert found == []
+    else:
+        assert found == [
+            f"The strain scatters about its fit by {times} times its stated uncertainty: "
+            "check that and its unit, the period and the trend."
+        ]

@@ -15,7 +15,7 @@ from numpy.polynomial import legendre, polynomial
 
 from pyburgers.common.array_types import FloatArray, IntArray
 from pyburgers.common.errors import InputError
-from pyburgers.common.units import count_points, counted
+from pyburgers.common.units import count_points, counted, rounded_to
 from pyburgers.kinds.forced_oscillation.harmonics import (
     HarmonicFit,
     choose_degree,
@@ -48,6 +48,9 @@ MIN_CYCLES = 2
 
 OFF_PEAK = 0.35
 """Of the width of a peak of the periodogram: a stated period this far from it is another one."""
+
+MAX_SCATTER = 3.0
+"""Scatter of the strain about its fit over its stated errors: beyond it these are too small."""
 
 OPPOSITE = 2 * math.pi / 3
 """Lag (rad) beyond which strain and stress differ in sign: no solid lags by more than pi/2."""
@@ -411,14 +414,20 @@ def _coarse_clock(series: _Series, period: float) -> Iterator[str]:
 
 
 def _doubts(strain: _Series, strain_fit: HarmonicFit, stress_fit: HarmonicFit) -> Iterator[str]:
-    """Say where the period, a sign or a clock is not that of the record."""
+    """Say where the period, an error, a sign or a clock is not that of the record."""
     period, rest = strain_fit.period, strain.value - strain_fit.trend(strain.time)
+    scatter = math.sqrt(strain_fit.chi_square / (strain.time.size - strain_fit.coefficients.size))
     found, share = strongest_frequency(strain.time, rest, 0.5 / period, 2.5 / period)
     # Noise has no peak that is most of the variance.
     if share > 0.5 and abs(found - 1 / period) > OFF_PEAK / float(np.ptp(strain.time)):
         yield (
             f"The period is taken as {period:g} s, but the strain oscillates most with one of "
             f"about {1 / found:.3g} s: check 'period_s'."
+        )
+    elif scatter > MAX_SCATTER:
+        yield (
+            f"The strain scatters about its fit by {rounded_to(scatter)} times its stated "
+            "uncertainty: check that and its unit, the period and the trend."
         )
     (of_strain, first_error), (of_stress, second_error) = strain_fit.phase(), stress_fit.phase()
     lead = math.remainder(of_stress - of_strain, 2 * math.pi)

@@ -264,8 +264,7 @@ def _check(fit: Fit, about: Sequence[str], draws: int) -> None:
     of_fit = next(iter(fit.tests().values())).posterior["posterior"].sizes
     if (kept := of_fit["chain"] * of_fit["draw"]) < LEAST_DRAWS:
         raise InputError(
-            f"{fit.directory.path}: found {kept} draws, expected at least {LEAST_DRAWS}; fit "
-            "again with more (option --draws)."
+            f"{fit.directory.path}: found {kept} draws, expected at least {LEAST_DRAWS}; fit again."
         )
 
 

@@ -79,8 +79,7 @@ class LoadingHistoryValley(ValleyChart[HistoryExperiment]):
 
         unit = rate_or_average(curve.dashpot_rate, curve.dashpot_strain)
         time_spent = np.zeros(at.size)
-        if loads:
-            time_spent[is_first] = _time_spent(curve, at[is_first], since_start[is_first])
+        time_spent[is_first] = _time_spent(curve, at[is_first], since_start[is_first])
         path_strain = curve.path_strain[at]
         for k in np.flatnonzero(averaged):
             path_strain[k] = _strain_at_rate(curve, start[k], at[k], unit[k])

@@ -28,8 +28,8 @@ from pyburgers.common.paths import shown
 from pyburgers.common.scratch import scratch_folder
 from pyburgers.common.text_tables import TextTable, look_at
 from pyburgers.common.toml_files import read_tables
-from pyburgers.common.units import UNIT_TABLE, units_text
-from pyburgers.kinds.column_names import ALONG_AXIS, COLUMN_NAMES, plain
+from pyburgers.common.units import UNIT_TABLE, unit_spelled, units_text
+from pyburgers.kinds.column_names import ALONG_AXIS, COLUMN_NAMES, plain, stated_unit
 from pyburgers.kinds.contradicted_names import contradicted_form
 from pyburgers.kinds.guessed_columns import (
     GuessedColumn,
@@ -78,6 +78,12 @@ EXPECTED_COLUMNS = {
     "relaxation_modulus": "a modulus E(t)",
 }
 """What a column has to hold."""
+
+OTHER_NAME = (
+    "a name that states another unit, a factor, a logarithm, a shear or a relative error, "
+    "or leaves the unit open"
+)
+"""A name that states no unit of its quantity, in words."""
 
 
 def _every_question() -> tuple[Question, ...]:
@@ -277,10 +283,13 @@ def _require_units(path: Path, columns: Mapping[str, GuessedColumn]) -> None:
             expected = f"{what}{along} in {units_text(kind)}" if kind in UNIT_TABLE else what
             for sentence in contradicted_form(guessed.column, plain(guessed.name), quantity):
                 raise InputError(f"{path}: {sentence}")
+            unit = stated_unit(plain(guessed.name)) if kind in UNIT_TABLE else ""
+            as_written = re.search(re.escape(unit), guessed.name, re.IGNORECASE)
+            is_other = bool(unit) and unit_spelled(unit, kind) is None
+            found = f"the unit {as_written[0]!r}" if as_written and is_other else OTHER_NAME
             raise InputError(
-                f"{where}: found a name that states another unit, a factor, a logarithm, a shear "
-                f"or a relative error, or leaves the unit open, expected {expected}; convert the "
-                "numbers and name the unit."
+                f"{where}: found {found}, expected {expected}; convert the numbers and name the "
+                "unit."
             )
         if guessed.confined_by is not None:
             raise InputError(

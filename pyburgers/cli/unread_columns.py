@@ -46,7 +46,8 @@ def unread_columns(look: TextTable, content: Mapping[str, Any]) -> list[str | in
     named = {column for key, column in content["data"].items() if key.endswith("_column")}
     for rows in _selections(content):
         named |= rows.keys()
-    return [column for column in look.columns if column != "" and column not in named]
+    others = [column for column in look.columns if column != "" and column not in named]
+    return [column for column in others if not look.is_date_of(column, named)]
 
 
 def unread_note(look: TextTable, content: Mapping[str, Any]) -> str | None:

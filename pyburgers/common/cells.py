@@ -29,8 +29,10 @@ HUNDREDS = re.compile(r"[1-9][0-9]{2}")
 THOUSANDS_POINTS = re.compile(r"^[+-]?[1-9][0-9]{0,2}(?:\.[0-9]{3})+(?:,[0-9]+)?$")
 """A number whose points may separate thousands: beside decimal commas no point is a decimal one."""
 
-NOTHING = re.compile(r"nan|n/?a|#n/?a|null|none|n\.a\.|-+", re.IGNORECASE)
-"""Words that stand for no reading."""
+NOTHING = re.compile(
+    r"nan|n/?a|#n/?a|null|none|n\.a\.|-+|#(?:div/0|value|ref|num|null|name)[!?]", re.IGNORECASE
+)
+"""Words, and errors of spreadsheets, that stand for no reading."""
 
 _MAY_BE_MISSING = re.compile(rf"(?:{NOTHING.pattern})|-99[0-9.,]*(?:[eE].*)?|-9\..*", re.IGNORECASE)
 

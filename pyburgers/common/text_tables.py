@@ -124,6 +124,11 @@ class TextTable:
         """Whether a column holds time stamps, of which `numbers` are seconds."""
         return self.columns.index(column) in self._stamps
 
+    def is_date_of(self, column: str | int, read: Iterable[str | int]) -> bool:
+        """Whether a column holds the dates of times of day in one of the columns that are read."""
+        is_date = self.columns.index(column) == self._clocks[1]
+        return is_date and any(one in self.columns and self.is_time_stamps(one) for one in read)
+
     def numbers(self, column: str | int) -> list[float]:
         """Return the numbers in a column, as a person reads them; without cells that hold none."""
         return [value for value in self.values(column) if value is not None]

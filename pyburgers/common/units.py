@@ -23,7 +23,10 @@ class Unit:
 UNIT_TABLE: Mapping[str, Mapping[str, Unit]] = {
     "stress": {
         "Pa": Unit(1.0, r"(?<![a-z])(?:pa(?![a-z])|pascals?|n/m\^?2)"),
+        "kPa": Unit(1e3, r"(?<![a-z])kpa|kilopascals?"),
+        "bar": Unit(1e5, r"(?<![a-z])bars?(?![a-z])"),
         "MPa": Unit(1e6, r"mpa|megapascals?|(?<![a-z])(?:n/mm|mn/m)\^?2"),
+        "kbar": Unit(1e8, r"kbars?|kilobars?"),
         "GPa": Unit(1e9, r"gpa|(?<![a-z])kn/mm\^?2"),
     },
     "compliance": {"1/Pa": Unit(), "1/GPa": Unit(1e-9)},
@@ -31,6 +34,9 @@ UNIT_TABLE: Mapping[str, Mapping[str, Unit]] = {
     "strain": {
         "fraction": Unit(1.0, r"fraction|(?<![a-zμ])m/m(?![a-z])|mm/mm|cm/cm|in/in|\(-\)|\[-\]"),
         "percent": Unit(1e-2, r"per ?cent|%(?!o)|pct|prozent|pourcent"),
+        "microstrain": Unit(
+            1e-6, r"(?:micro|(?<![a-z])[uμ])[ _-]?(?:strain|ε)|(?<![a-z])[uμ]m/m(?!m)"
+        ),
     },
     "strain rate": {
         "1/s": Unit(
@@ -44,6 +50,7 @@ UNIT_TABLE: Mapping[str, Mapping[str, Unit]] = {
         "s": Unit(1.0, r"(?<![a-zμ])s(?:e[ck]s?)?(?:ond[es]?s?|unden?)?(?![a-z])"),
         "min": Unit(60.0, r"(?<![a-z])min(?:s|ut\w*)?"),
         "h": Unit(3600.0, r"hours?|(?<![a-z])(?:hr?s?|std|stunden?|heures?)(?![a-z])"),
+        "d": Unit(86400.0, r"(?<!of )days?|(?<![a-z])(?:d|tagen?|jours?)(?![a-z])"),
     },
     "frequency": {
         "Hz": Unit(1.0, r"(?<![a-zμ])(?:hz|hertz)"),
@@ -88,13 +95,13 @@ UNITS: Mapping[str, Mapping[str, float]] = {
 """Factor to SI of each unit whose zero is that of SI, by physical quantity."""
 
 FOREIGN_UNIT_NAMES: Mapping[str, str] = {
-    "strain": r"[mμ](?:icro|illi)?_?(?:strain|ε)|[(\[](?:milli|micro)[)\]]|ppm|‰"
-    r"|[mμu]m/m(?!m)|%o|(?<![a-z/])(?:mm|cm|μm|um|in|inch|inches)(?![a-z/])",
-    "stress": r"[khm]bar|(?<![a-z])(?:[kh]pa|psi|ksi|bar|atm|[km]n|kgf?|lb[fs]?|lbsf|pounds?"
+    "strain": r"m(?:illi)?_?(?:strain|ε)|[(\[](?:milli|micro)[)\]]|ppm|‰"
+    r"|mm/m(?!m)|%o|(?<![a-z/])(?:mm|cm|μm|um|in|inch|inches)(?![a-z/])",
+    "stress": r"[hm]bar|(?<![a-z])(?:hpa|psi|ksi|atm|[km]n|kgf?|lb[fs]?|lbsf|pounds?"
     r"|kips?|ton[fs]?|tf|kp|torr|mmhg|dynes?)(?![a-z])|dyn ?/|n/ ?(?:cm|in)|[(\[]n[)\]]|load_?n$"
     r"|normali[sz]|(?<![a-z])[eg]/[eg]|[(\[] ?(?:-|dimensionless|unitless) ?[)\]]",
-    "time": r"day|week|month|year|(?<![a-z])(?:d|yrs?|[kmμun]s(?:ec)?|tagen?|wochen?|monaten?"
-    r"|jahren?|jours?|semaines?|mois|ann?ees?)(?![a-z])|normali[sz]|reduced",
+    "time": r"of day|week|month|year|(?<![a-z])(?:yrs?|[kmμun]s(?:ec)?|wochen?|monaten?"
+    r"|jahren?|semaines?|mois|ann?ees?)(?![a-z])|normali[sz]|reduced",
     "temperature": r"fahrenheit|°f|(?<![a-z])f(?![a-z])",
     "frequency": r"(?<![a-z])[kmμun]hz|rpm|rev|cpm|normali[sz]|reduced",
     "strain rate": r"%|per ?cent|pct|ppm|micro|[mμ]strain|(?<![a-z])(?:[mμu]m|pa) ?/"

@@ -26,7 +26,7 @@ from pyburgers.common.toml_files import (
     read_tables,
     write_toml,
 )
-from pyburgers.common.units import counted
+from pyburgers.common.units import counted, units_text
 from pyburgers.flow_law_tables.tables import (
     AXIAL_EQUIVALENT,
     IN_SHEAR,
@@ -63,19 +63,19 @@ from pyburgers.model.parameters import ENVIRONMENT
 class _DataTable(TextFilesTable):
     file: DataFile = Field(description="the data file, or the columns")
     temperature_column: Column
-    temperature_unit: str = Field(description="K or C")
+    temperature_unit: str = Field(description=units_text("temperature"))
     stress_column: Column
-    stress_unit: str = Field(description="Pa, MPa or GPa")
+    stress_unit: str = Field(description=units_text("stress"))
     strain_rate_column: Column
-    strain_rate_unit: str = Field(description="1/s or 1e-6/s")
+    strain_rate_unit: str = Field(description=units_text("strain rate"))
     grain_size_column: Column | None = None
-    grain_size_unit: str | None = Field(None, description="m, mm or um")
+    grain_size_unit: str | None = Field(None, description=units_text("length"))
     pressure_column: Column | None = None
-    pressure_unit: str | None = Field(None, description="Pa, MPa or GPa")
+    pressure_unit: str | None = Field(None, description=units_text("stress"))
     water_fugacity_column: Column | None = None
-    water_fugacity_unit: str | None = Field(None, description="Pa, MPa or GPa")
+    water_fugacity_unit: str | None = Field(None, description=units_text("stress"))
     melt_fraction_column: Column | None = None
-    melt_fraction_unit: str | None = Field(None, description="fraction or percent")
+    melt_fraction_unit: str | None = Field(None, description=units_text("strain"))
     reading_error_column: Column | None = None
     reading_error_unit: str | None = Field(None, description="1 or percent of the reading")
 

@@ -295,7 +295,7 @@ def unit_of_name(name: str, kind: str, *, is_chosen: bool) -> str | None:
     """Return the unit in the name of a column, empty for one that files do not know, else None."""
     is_angle = kind == "attenuation" and ANGLES.search(name) is not None
     looks = "angle" if is_angle else kind
-    unit, stated = unit_in(name, looks), _stated_unit(name)
+    unit, stated = unit_in(name, looks), stated_unit(name)
     has_factor = FACTOR.search(name) and not FACTOR.search(unit or "")
     is_other = kind != "attenuation" and (LOGARITHM.search(name) or has_factor)
     if is_other or (unit == "rad/s" and "hz" in name) or _is_other_error(name, kind):
@@ -308,7 +308,7 @@ def unit_of_name(name: str, kind: str, *, is_chosen: bool) -> str | None:
     return unit
 
 
-def _stated_unit(name: str) -> str:
+def stated_unit(name: str) -> str:
     """Return the words of a name that can only be its unit, of which there may be none."""
     found = STATED_UNIT.match(name)
     words = re.split(r"[\s,;:]+", (found[1] or found[2] or "").strip()) if found else []

@@ -194,7 +194,7 @@ def left_out(
                 reason += _difference(guessed.si, rival.si)
             reasons[rival.column] = reason
     for column in table.columns:
-        if column not in taken:
+        if column not in taken and not table.is_date_of(column, taken):
             name = plain(table.described(column))
             unit = " or ".join(sorted(kinds_in(name)))
             by_itself = (

@@ -14,7 +14,7 @@ STRAIN_UNIT, STRAIN_FACTOR = STRAIN.display_unit, STRAIN.display_factor
 LENGTH_UNIT, LENGTH_FACTOR = "µm", 1.0 / UNITS["length"]["um"]
 """Units of curves and the factors from SI."""
 
-_TIME_UNITS = (*UNITS["time"].items(), ("days", 86400.0))
+_TIME_UNITS = tuple(UNITS["time"].items())
 _LEAST_TIME_UNITS = 10
 
 _GREEK = {

@@ -93,7 +93,7 @@ def test_every_option_is_in_the_file_or_refused(
 
 
 ANSWERS = " ".join((*KNOWN, "--strain-rate-per-s", "1e-5"))
-COLUMNS = "time_s,strain,stress_MPa,x,time (days)\n1,0.001,2,0,1\n2,0.02,3,0,2\n"
+COLUMNS = "time_s,strain,stress_MPa,x,time (weeks)\n1,0.001,2,0,1\n2,0.02,3,0,2\n"
 
 
 @pytest.mark.parametrize(
@@ -102,7 +102,7 @@ COLUMNS = "time_s,strain,stress_MPa,x,time (days)\n1,0.001,2,0,1\n2,0.02,3,0,2\n
         (COLUMNS, "--stress-uncertainty-column x", "that column; give --stress-uncertainty"),
         (COLUMNS, "--amplitude-column x", "protocol constant_rate does not read that column"),
         (COLUMNS, "--period-column time_s", "protocol constant_rate does not read that column"),
-        (COLUMNS, "--time-column 'time (days)'", "states another unit"),
+        (COLUMNS, "--time-column 'time (weeks)'", "found the unit 'weeks'"),
         (COLUMNS, "--strain-column 6", "expected a column of"),
         (COLUMNS, "--out nowhere/test.toml", "the folder nowhere does not exist"),
         (

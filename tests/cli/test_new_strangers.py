@@ -380,6 +380,42 @@ def test_a_table_of_rates_is_no_curve(
 
 
 @pytest.mark.parametrize(
+    ("name", "pascal"), [("stress (kPa)", 1e3), ("Stress [bar]", 1e5), ("stress / kbar", 1e8)]
+)
+@pytest.mark.parametrize("strain", ["strain (µε)", "microstrain"])
+def test_units_of_instruments_are_read(
+    name: str, pascal: float, strain: str, table: Table, cli: CommandLine
+) -> None:
+    path = table(**{"time (days)": TIME / 86400, strain: 1e4 * PERCENT, name: 1e6 * CURVE / pascal})
+    cli("new", path, *KNOWN, *RATE)
+    test = of_kind(load_experiment(path.with_suffix(".toml")), ConstantRateExperiment)
+    np.testing.assert_allclose(test.stress, 1e6 * CURVE, rtol=1e-8)
+    np.testing.assert_allclose(test.strain, 1e-2 * PERCENT, rtol=1e-8)
+
+
+def test_a_clock_that_started_long_before_starts_the_test(table: Table, cli: CommandLine) -> None:
+    path = table(**{"time (s)": 1.7e9 + TIME, "strain (%)": PERCENT, "stress (MPa)": 2.0})
+    assert "decided: the test starts with its first reading, at 1700000100 s of its clock" in cli(
+        "new", path, *KNOWN
+    )
+    test = of_kind(load_experiment(path.with_suffix(".toml")), HistoryExperiment)
+    assert [(stage.start_time, stage.end_time) for stage in test.stages] == [(0, 2900)]
+    np.testing.assert_allclose(test.time, TIME - 100)
+
+
+def test_a_date_beside_its_time_of_day_is_read(tmp_path: Path, cli: CommandLine) -> None:
+    rows = [f"2024-03-05,09:{k:02}:00,{0.1 * k:.3g},{CURVE[k]:.6g}" for k in range(1, 30)]
+    rows[4] = rows[4].rpartition(",")[0] + ",#DIV/0!"
+    path = tmp_path / "dated.csv"
+    path.write_text("Date,Time,strain (%),stress (MPa)\n" + "\n".join(rows) + "\n", "utf-8")
+    out = cli("new", path, *KNOWN, *RATE)
+    assert "column 'Time' with 'Date' holds time stamps" in out
+    assert "#DIV/0! (in 1 of 29 rows) stands for no reading" in out
+    assert "left out: column 'Date'" not in out
+    assert "not read" not in cli("check-file", path.with_suffix(".toml"))
+
+
+@pytest.mark.parametrize(
     ("comments", "told"),
     [
         (

@@ -87,7 +87,7 @@ def test_apparatus_and_offset_are_those_of_the_file(unloaded: HistoryExperiment)
 
 @pytest.mark.parametrize(
     ("days", "told"),
-    [(1e-3, "time 43.2 to 86.4 s"), (1.0, "time 12 to 24 h"), (40.0, "time 20 to 40 days")],
+    [(1e-3, "time 43.2 to 86.4 s"), (1.0, "time 12 to 24 h"), (40.0, "time 20 to 40 d")],
 )
 def test_places_are_told_in_the_unit_of_the_figures(days: float, told: str) -> None:
     along = xr.Dataset({"time": ("point", 86400.0 * days * np.array([0.0, 0.5, 1.0]))})

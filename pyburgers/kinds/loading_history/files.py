@@ -102,7 +102,7 @@ class _ApparatusTable(Table):
 class _OffsetTable(Table):
     value: float = Field(description="the strain that is read from the sample at rest")
     sd: float = Field(0.0, ge=0, description="its standard deviation")
-    unit: str = Field(description="fraction or percent")
+    unit: str = Field(description=units_text("strain"))
 
 
 class LoadingHistoryFile(ExperimentFile):

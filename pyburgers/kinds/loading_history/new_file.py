@@ -35,6 +35,9 @@ JUMP_DURATION_SHARE = 1e-3
 MAX_EARLY_SHARE = 0.05
 """Share of a relaxation before its first reading up to which time counts from the hold."""
 
+MIN_LEAD_OF_CLOCK = 10.0
+"""Durations of a test that its first reading lies behind zero, if its clock started long before."""
+
 MIN_HELD_SHARE, MIN_FALL_RATIO, MAX_SHARE_AT_ONCE = 0.2, 3.0, 0.8
 """Of a strain that is held: the least share of the test, and by how much more the stress falls then
 than the strain changes, relatively. A load that goes down does more than this share at once."""
@@ -200,17 +203,21 @@ class LoadingHistoryFile(NewFile):
     def describe_decisions(self, test: Description) -> Sequence[str]:
         """Say where the strain turns, and how loading in no time is written."""
         values, columns, unit = test.values, test.columns, test.columns["time"].unit
+        is_held, start = _is_held(columns, values), f"{max(0.0, _start_of(columns)):.10g}"
+        starts = f"the test starts with its first reading, at {start} {unit} of its clock"
+        decided = () if is_held or start == "0" else (starts,)
         if values[STRESS.name] is not None:
-            return ()
-        if _is_held(columns, values):
+            return decided
+        if is_held:
             is_jump = values[LOADING_TIME.name] == 0
             lasted = f"loading in no time is written as a stage of {_loading(test)[1]:.3g} {unit}"
             return (lasted,) if is_jump else ()
         turns = ", ".join(f"{time:g}" for time in _turning_times(test.columns))
-        stages = "the readings of the strain drive the test, from rest at time 0"
+        stages = f"the readings of the strain drive the test, from rest at time {start}"
         if values[STRAIN_RATE.name] is not None:
             stages = "stages end there, and the rate changes its sign"
-        return (f"the strain turns back at {turns} {unit}: {stages}",) if turns else ()
+        turned = (f"the strain turns back at {turns} {unit}: {stages}",) if turns else ()
+        return (*decided, *turned)
 
     def filling(self, test: Description) -> Mapping[str, object]:
         """Return the stages, measures and signs, and a modulus of relaxation as a stress."""
@@ -284,8 +291,7 @@ def _is_held(columns: Columns, given: Mapping[str, Any]) -> bool:
 def _stage_lines(test: Description) -> list[str]:
     """Return the stages of a stress, of a rate with a hold behind it, or of readings."""
     values, columns = test.values, test.columns
-    times = columns["time"].numbers[np.isfinite(columns["time"].numbers)]
-    start, end = min(0.0, float(times.min())), float(times.max())
+    start, end = _start_of(columns), float(np.nanmax(columns["time"].numbers))
     stress, rate = values[STRESS.name], values[STRAIN_RATE.name]
     if stress is not None:
         return _stage("stress", start, end, stress=stress)
@@ -299,7 +305,10 @@ def _stage_lines(test: Description) -> list[str]:
     if rate is None and not turns:
         return _stage("stress_series", start, end)
     if rate is None:
-        return [*_unread_loading(columns), *_stage("strain_series", float(times.min()), end)]
+        return [
+            *_unread_loading(columns),
+            *_stage("strain_series", float(np.nanmin(columns["time"].numbers)), end),
+        ]
     return [
         text
         for k, (first, last) in enumerate(itertools.pairwise([start, *turns, end]))
@@ -307,10 +316,16 @@ def _stage_lines(test: Description) -> list[str]:
     ]
 
 
+def _start_of(columns: Columns) -> float:
+    """Return when the test starts, in the unit of times: at 0, or earlier, or by another clock."""
+    first, last = (float(end(columns["time"].numbers)) for end in (np.nanmin, np.nanmax))
+    return first if first > MIN_LEAD_OF_CLOCK * (last - first) > 0 else min(0.0, first)
+
+
 def _unread_loading(columns: Columns) -> list[str]:
     """Return the stage that leads from rest to a first reading of the strain behind time zero."""
     time, strain = _rows(columns, "time", "strain")
-    if not (time[0] > 0 and strain[0]):
+    if not (time[0] > 0 == _start_of(columns) and strain[0]):
         return []
     rate = float(f"{strain[0] / time[0]:.6g}")
     return _stage("strain_rate", 0.0, float(time[0]) / _second(columns), strain_rate_per_s=rate)

@@ -151,7 +151,9 @@ COLUMN_NAMES: Mapping[str, ColumnNames] = {
     ),
     "time": ColumnNames(
         "time",
-        (r"time|elapsed|^t(?![a-z])|^(?:s|sec|h|hours?|min)$|zeit|temps|(?<![a-z])dauer|duree",),
+        (
+            r"time|elapsed|^t(?![a-z])|^(?:s|sec|h|hours?|min|days)$|zeit|temps|(?<![a-z])dauer|duree",
+        ),
         ((r"cycle|stage|segment|block|day", 3), (r"test|elapsed|total|run", 1)),
     ),
 }

@@ -382,12 +382,14 @@ def test_a_table_of_rates_is_no_curve(
 @pytest.mark.parametrize(
     ("name", "pascal"), [("stress (kPa)", 1e3), ("Stress [bar]", 1e5), ("stress / kbar", 1e8)]
 )
-@pytest.mark.parametrize("strain", ["strain (µε)", "microstrain"])
+@pytest.mark.parametrize(
+    ("time", "strain"), [("time (days)", "strain (µε)"), ("Days", "microstrain")]
+)
 def test_units_of_instruments_are_read(
-    name: str, pascal: float, strain: str, table: Table, cli: CommandLine
+    name: str, pascal: float, time: str, strain: str, table: Table, cli: CommandLine
 ) -> None:
-    path = table(**{"time (days)": TIME / 86400, strain: 1e4 * PERCENT, name: 1e6 * CURVE / pascal})
-    cli("new", path, *KNOWN, *RATE)
+    path = table(**{time: TIME / 86400, strain: 1e4 * PERCENT, name: 1e6 * CURVE / pascal})
+    assert f"guessed: time: column '{time}' in d (by its name)" in cli("new", path, *KNOWN, *RATE)
     test = of_kind(load_experiment(path.with_suffix(".toml")), ConstantRateExperiment)
     np.testing.assert_allclose(test.stress, 1e6 * CURVE, rtol=1e-8)
     np.testing.assert_allclose(test.strain, 1e-2 * PERCENT, rtol=1e-8)

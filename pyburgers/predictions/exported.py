@@ -45,6 +45,7 @@ VARIABLES: Mapping[str, str] = MappingProxyType(
         "grain_size": "m",
         "initial_grain_size": "m",
         "fabric_factor": "1",
+        "path_strain": "1, integral of |total strain rate| over time",
         "kelvin_strain": "1",
         "backstress": "Pa",
         "pressure": "Pa",

@@ -60,7 +60,7 @@ def undeformed(grain_size: str) -> dict[str, str]:
 def laws_of(
     prior_set: PriorSet, experiment: Experiment, material: ModelVariant | None = None
 ) -> dict[str, object]:
-    """Return expressions of the laws of a fit, and initial and steady microstructure, by name.
+    """Return expressions of the laws of a fit, and of its microstructure and how that evolves.
 
     `material`: its laws in a joint fit. What evolves there but not in the test has no steady state.
     """
@@ -93,16 +93,24 @@ def laws_of(
         getattr(material, part) == getattr(variant, part) for part in ("grain_size", "fabric")
     )
     fabric = "1" if variant.fabric == "constant" else "steady_state_fabric_factor"
+    evolving = {
+        "steady": {"grain_size": grain_size, "fabric_factor": fabric},
+        "change_per_path_strain": {
+            "grain_size": "0"
+            if variant.grain_size == "constant"
+            else f"({grain_size} - grain_size)/critical_strain_grain_size",
+            "fabric_factor": "0"
+            if variant.fabric == "constant"
+            else f"({fabric} - fabric_factor)/critical_strain_fabric",
+        },
+    }
     return {
         "flow_law": flow_law,
         **({"mechanisms": mechanisms} if mechanisms else {}),
         **({"hardening_law": hardening_law} if hardening.parameters else {}),
         "elastic_law": _elastic_law(priors, experiment),
         "kelvin_law": _kelvin_law(variant.kelvin, priors),
-        "microstructure": {
-            "undeformed": undeformed(start),
-            **({"steady": {"grain_size": grain_size, "fabric_factor": fabric}} if is_told else {}),
-        },
+        "microstructure": {"undeformed": undeformed(start), **(evolving if is_told else {})},
     }
 
 

@@ -140,6 +140,18 @@ def test_the_flow_law_gives_the_rate_of_the_dashpot(law: str, state: str) -> Non
     assert back == pytest.approx(-stated, rel=1e-12)
 
 
+@pytest.mark.parametrize("law", ["power law", "constant fabric", "constant grains", "piezometer"])
+def test_the_microstructure_changes_as_stated(law: str) -> None:
+    values = {**TRUTH, **DASHPOTS[law]}
+    content, names = read_back(test := creep(2000.0), values)
+    found = solved(test, values, np.array([999.0, 1000.0, 1001.0]))
+    here = {"grain_size": found["grain_size_m"][1], "fabric_factor": found["fabric_factor"][1]}
+    evolved = {"grain_size": found["grain_size_m"], "fabric_factor": found["fabric_factor"]}
+    for name, text in content["microstructure"]["change_per_path_strain"].items():
+        change, strain = (np.diff(one[[0, 2]]).item() for one in (evolved[name], found["strain"]))
+        assert value_of(text, {**names, **here}) == pytest.approx(change / strain, rel=1e-4)
+
+
 @pytest.mark.parametrize("scaled", [{}, SLOWER, {**SLOWER, **COARSER}])
 @pytest.mark.parametrize("law", KELVIN)
 def test_the_kelvin_law_gives_the_strain_of_the_kelvin_part(
@@ -195,6 +207,7 @@ def test_latex_states_the_same_laws() -> None:
     text = as_latex(one)
     assert f"% flow_law: {DASHPOT_LAWS['hyperbolic_sine'].flow_law}\n" in text
     assert "% microstructure steady fabric_factor: steady_state_fabric_factor\n" in text
+    assert "% microstructure change_per_path_strain fabric_factor: (steady" in text
 
 
 def test_notes_of_files_end_with_their_line() -> None:

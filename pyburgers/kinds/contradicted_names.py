@@ -27,6 +27,10 @@ OF_SHEAR = (
 """What an axial test with the same second invariants reads."""
 
 
+FORCE_UNIT = r"(?:[km]?n|kgf?|lb[fs]?|lbsf|kips?|kp)"
+"""Pattern of units of forces."""
+
+
 @dataclass(frozen=True)
 class OtherForm:
     """Another form of quantities, told by a pattern of names: what it is, and what turns it."""
@@ -52,6 +56,20 @@ OTHER_FORMS = (
         "write 3/sqrt(2) times the stress, and sqrt(2) times the strain (a tensor component)",
     ),
     OtherForm(ALONG_AXIS, SHEAR, "shear", OF_SHEAR),
+    OtherForm(
+        {"stress"},
+        rf"(?:load|force|kraft|charge).*(?<![a-z]){FORCE_UNIT}(?![a-z/])"
+        rf"|[(\[]{FORCE_UNIT}[)\]](?! ?/)|pounds?.?force",
+        "a force",
+        "divide it by the area of the sample",
+    ),
+    OtherForm(
+        {"strain"},
+        r"(?:strain|eps|exten|displac|shorten|lvdt|stauch|verkurz|weg(?![a-z])|raccourc|allong).*"
+        r"(?<![a-z/])(?:mm|cm|[uμ]m|microns?|inch(?:es)?|in)(?![a-z/])",
+        "a change of length",
+        "divide it by the length of the sample",
+    ),
     OtherForm(
         {"attenuation"},
         "^(?!.*/ ?(?:pi|π)).*de[ck]rement",

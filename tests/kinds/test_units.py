@@ -146,13 +146,13 @@ def test_a_unit_with_a_factor_is_another_one(name: str, kind: str) -> None:
 @pytest.mark.parametrize(
     ("kind", "names"),
     {
-        "stress": "stress (kp/cm²); stress (kilopascal); Spannung (N/cm²); Stress (x10 MPa); G/G0"
+        "stress": "stress (kp/cm²); stress (hectopascal); Spannung (N/cm²); Stress (x10 MPa); G/G0"
         "; G (10 GPa); G error (%); stress rel. error; Normalized modulus; Modulus (-)"
         "; stress 2 sigma (MPa); Stress dyn/cm2; Stress N/cm2; Stress torr",
-        "strain": "Strain (mm/m); strain (µm/m); Strain gauge (mV); Dehnung (Promille)"
+        "strain": "Strain (mm/m); strain (ppm); Strain gauge (mV); Dehnung (Promille)"
         "; Strain (10E-3); Strain %o; Dehnung in Promille; strain rel. error",
-        "time": "Zeit (Tage); Time (ks); Time (microseconds); Time (milliseconds); Zeit in Tagen"
-        "; LogPeriod (s); logTime; Zeit Tage; Temps jours",
+        "time": "Zeit (Wochen); Time (ks); Time (microseconds); Time (milliseconds); Zeit in Wochen"
+        "; LogPeriod (s); logTime; Zeit Jahre; Temps semaines",
         "frequency": "logFreq; Frequency (kHz); freq (rad/min); angular frequency (Hz)"
         "; Normalised frequency",
         "strain rate": "rate (%/s); strain_rate_per_year; -log10 rate (1/s); rate (1/h)",
@@ -167,6 +167,21 @@ def test_a_unit_with_a_factor_is_another_one(name: str, kind: str) -> None:
 def test_a_unit_that_files_do_not_know_is_not_passed_over(kind: str, names: str) -> None:
     found = {name: unit_in_name(name, kind) for name in names.split("; ")}
     assert found == dict.fromkeys(found, "")
+
+
+@pytest.mark.parametrize(
+    ("kind", "unit", "names"),
+    [
+        ("stress", "kPa", "stress (kilopascal); σ [kPa]; Spannung in kPa"),
+        ("stress", "bar", "stress (bars); Druck [bar]"),
+        ("stress", "kbar", "Stress (kbar); stress_kilobar"),
+        ("strain", "microstrain", "strain (µm/m); Dehnung (µε); ustrain"),
+        ("time", "d", "Zeit (Tage); Zeit in Tagen; Zeit Tage; Temps jours; t [d]; time_days"),
+    ],
+)
+def test_a_unit_is_known_by_its_spellings(kind: str, unit: str, names: str) -> None:
+    found = {name: unit_in_name(name, kind) for name in names.split("; ")}
+    assert found == dict.fromkeys(found, unit)
 
 
 @pytest.mark.parametrize(

@@ -403,6 +403,9 @@ def test_a_clock_that_started_long_before_starts_the_test(table: Table, cli: Com
     test = of_kind(load_experiment(path.with_suffix(".toml")), HistoryExperiment)
     assert [(stage.start_time, stage.end_time) for stage in test.stages] == [(0, 2900)]
     np.testing.assert_allclose(test.time, TIME - 100)
+    # The end of a long test is no such clock.
+    path = table(**{"time (s)": 5e4 + TIME, "strain (%)": PERCENT, "stress (MPa)": 2.0})
+    assert "of its clock" not in cli("new", path, *KNOWN, "--out", f"{path}2.toml", code=None)
 
 
 def test_a_date_beside_its_time_of_day_is_read(tmp_path: Path, cli: CommandLine) -> None:

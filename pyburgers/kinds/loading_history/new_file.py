@@ -35,7 +35,7 @@ JUMP_DURATION_SHARE = 1e-3
 MAX_EARLY_SHARE = 0.05
 """Share of a relaxation before its first reading up to which time counts from the hold."""
 
-MIN_LEAD_OF_CLOCK = 10.0
+MIN_LEAD_OF_CLOCK = 100.0
 """Durations of a test that its first reading lies behind zero, if its clock started long before."""
 
 MIN_HELD_SHARE, MIN_FALL_RATIO, MAX_SHARE_AT_ONCE = 0.2, 3.0, 0.8

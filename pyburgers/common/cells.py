@@ -47,7 +47,7 @@ LONGEST_NUMBER = 200
 
 _KNOWN_UNITS = "|".join(re.escape(unit) for units in UNIT_TABLE.values() for unit in units)
 _OTHER_UNITS = (
-    r"sec(?:onds?)?|minutes?|hrs?|hours?|d|days?|[mµμu]s|%|°?c|°?f|deg(?: ?c)?|°|kpa|psi|ksi|bar"
+    r"sec(?:onds?)?|minutes?|hrs?|hours?|days?|[mµμu]s|%|°?c|°?f|deg(?: ?c)?|°|psi|ksi"
     r"|k?n|lbf?|[cµμ]m|in|khz|[mµμu]?v|[mµμu]strain|[µμu]ε|ohm|k?g|ml|counts?|h?h:mm(?::ss)?"
 )
 _UNIT = rf"{_OTHER_UNITS}|{_KNOWN_UNITS}"

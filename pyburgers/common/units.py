@@ -94,11 +94,14 @@ UNITS: Mapping[str, Mapping[str, float]] = {
 }
 """Factor to SI of each unit whose zero is that of SI, by physical quantity."""
 
+FORCE_UNITS = r"[km]n|kgf?|lb[fs]?|lbsf|kips?|kp"
+"""Pattern of units of forces beside the newton, in lower case."""
+
 FOREIGN_UNIT_NAMES: Mapping[str, str] = {
     "strain": r"m(?:illi)?_?(?:strain|ε)|[(\[](?:milli|micro)[)\]]|ppm|‰"
     r"|mm/m(?!m)|%o|(?<![a-z/])(?:mm|cm|μm|um|in|inch|inches)(?![a-z/])",
-    "stress": r"[hm]bar|(?<![a-z])(?:hpa|psi|ksi|atm|[km]n|kgf?|lb[fs]?|lbsf|pounds?"
-    r"|kips?|ton[fs]?|tf|kp|torr|mmhg|dynes?)(?![a-z])|dyn ?/|n/ ?(?:cm|in)|[(\[]n[)\]]|load_?n$"
+    "stress": rf"[hm]bar|(?<![a-z])(?:hpa|psi|ksi|atm|{FORCE_UNITS}|pounds?|ton[fs]?|tf|torr|mmhg"
+    r"|dynes?)(?![a-z])|dyn ?/|n/ ?(?:cm|in)|[(\[]n[)\]]|load_?n$"
     r"|normali[sz]|(?<![a-z])[eg]/[eg]|[(\[] ?(?:-|dimensionless|unitless) ?[)\]]",
     "time": r"of day|week|month|year|(?<![a-z])(?:yrs?|[kmμun]s(?:ec)?|wochen?|monaten?"
     r"|jahren?|semaines?|mois|ann?ees?)(?![a-z])|normali[sz]|reduced",

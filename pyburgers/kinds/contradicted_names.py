@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from pyburgers.common.array_types import FloatArray
+from pyburgers.common.units import FORCE_UNITS
 from pyburgers.kinds.column_names import (
     ALONG_AXIS,
     COLUMN_NAMES,
@@ -25,10 +26,6 @@ OF_SHEAR = (
     "write sqrt(3) tau as the stress, gamma/sqrt(3) as the strain, 3 G as a modulus of relaxation"
 )
 """What an axial test with the same second invariants reads."""
-
-
-FORCE_UNIT = r"(?:[km]?n|kgf?|lb[fs]?|lbsf|kips?|kp)"
-"""Pattern of units of forces."""
 
 
 @dataclass(frozen=True)
@@ -58,8 +55,8 @@ OTHER_FORMS = (
     OtherForm(ALONG_AXIS, SHEAR, "shear", OF_SHEAR),
     OtherForm(
         {"stress"},
-        rf"(?:load|force|kraft|charge).*(?<![a-z]){FORCE_UNIT}(?![a-z/])"
-        rf"|[(\[]{FORCE_UNIT}[)\]](?! ?/)|pounds?.?force",
+        rf"(?:load|force|kraft|charge).*(?<![a-z])(?:n|{FORCE_UNITS})(?![a-z/])"
+        rf"|[(\[](?:n|{FORCE_UNITS})[)\]](?! ?/)|pounds?.?force",
         "a force",
         "divide it by the area of the sample",
     ),
